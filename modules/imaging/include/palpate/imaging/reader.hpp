@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/core/error.hpp"
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+
+namespace palpate::imaging {
+
+struct ReadOptions {
+  std::string series_uid;                           ///< where a folder holds several series
+  std::optional<int> frame;                         ///< only this one; all where absent
+  std::optional<std::array<double, 3>> spacing_mm;  ///< the user states it: provenance `user`
+  bool allow_truncated = false;
+};
+
+/// Limits that the reader process runs under.
+struct ReaderLimits {
+  std::size_t memory_bytes = std::size_t{6} << 30;
+  double time_s = 120.0;
+};
+
+/// Reads MetaImage (.mha, .mhd), NRRD, NIfTI or DICOM, a file or a folder.
+/// The file is parsed in a child process (palpate-reader, found beside this
+/// program or by PALPATE_READER); the voxels come back through shared memory
+/// as 32-bit grey. Safe from any thread; several at once are fine.
+/// Throws Error(input) with a code: "not-found", "unsupported", "truncated",
+/// "bad-header", "too-large", "no-image", "several-series", "no-volume",
+/// "reader-crashed", "reader-timeout", "reader-memory", "reader-missing",
+/// or Error(cancelled): the child is then killed.
+core::VolumeSequence read(const std::filesystem::path& path, const ReadOptions& options = {},
+                          const core::Progress& progress = {}, const ReaderLimits& limits = {});
+
+/// One series or one other file, as `palpate-cli info` lists it.
+struct InputReport {
+  std::filesystem::path path;
+  bool ok = false;
+  std::string error_code, error_text;  ///< where !ok
+  std::vector<core::VolumeInfo> volumes;
+};
+/// Walks files and folders; one report per series and per other file,
+/// unreadable ones included. Pixels are read, for min, max and mean.
+std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths,
+                                 const ReadOptions& options = {}, const core::Progress& progress = {},
+                                 const ReaderLimits& limits = {});
+
+/// What the child does: parses without any protection. For palpate-reader only.
+core::VolumeSequence parse_unprotected(const std::filesystem::path& path, const ReadOptions& options,
+                                       const core::Progress& progress);
+/// main() of palpate-reader.
+int reader_main(int argc, char** argv);
+
+}  // namespace palpate::imaging

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
+
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+#include "palpate/model/tissue.hpp"
+
+namespace palpate::model {
+
+enum class LinkRule {
+  six,     ///< the axis neighbours that exist (thesis 3.1)
+  nearest  ///< mutual n-nearest: linked when each is among the other's n (thesis 3.1)
+};
+
+/// Half-open voxel ranges; a scan's `--crop I0:I1,J0:J1,K0:K1`.
+struct CropBox {
+  std::array<int, 3> begin{0, 0, 0};
+  std::array<int, 3> end{0, 0, 0};
+};
+
+/// The tissue step of a recipe.
+struct TissueParameters {
+  std::optional<double> threshold_low;  ///< Otsu's where absent
+  double threshold_high = std::numeric_limits<double>::infinity();
+  std::optional<CropBox> crop;          ///< clipped to the volume
+  int stride = 1;                       ///< every n-th voxel along each axis, from the crop's first
+  double noise = 0.1;                   ///< A: uniform in [-A, A] times the point spacing of each axis
+  std::uint64_t seed = 1;
+  LinkRule links = LinkRule::nearest;
+  int max_links = 12;                   ///< n; ignored for six. 1..64
+  std::size_t min_component = 1;        ///< components with fewer points are dropped
+};
+
+/// Otsu's threshold over 256 bins of the finite range: the value at which the
+/// between-class variance is largest. A constant volume gives that constant.
+double otsu_threshold(const core::Volume& volume, const std::optional<CropBox>& crop = std::nullopt);
+
+/// Points, links, rest lengths. The same parameters and volume give the same
+/// tissue on every machine and with any number of threads: noise comes from a
+/// counter-based generator keyed by seed and voxel. Ties between equal
+/// distances are broken by voxel index. Uses all cores.
+/// Throws Error(usage) for parameters out of range, Error(input, "no-tissue")
+/// when no voxel lies in the range (naming the range of the volume),
+/// Error(cancelled).
+Tissue generate(const core::Volume& volume, const TissueParameters& parameters,
+                const core::Progress& progress = {});
+
+/// Only the second half of generate(): links among given points.
+LinkGraph link_nearest(const PointCloud& points, const Eigen::Vector3d& point_spacing_mm, int max_links,
+                       const core::Progress& progress = {});
+
+/// What generate() would make, without making it: `points` is exact but for
+/// the small components that would be dropped (`dropped_unknown` says so when
+/// min_component > 1 could not be counted exactly), the rest is measured on a
+/// sampled block and scaled up. Takes well under a tenth of generate().
+struct TissueEstimate {
+  TissueStatistics statistics;
+  Tissue sample;       ///< the block that was built, for a stable-step estimate
+  bool sampled = true; ///< false when the whole tissue was small enough to be built
+};
+TissueEstimate estimate(const core::Volume& volume, const TissueParameters& parameters,
+                        const core::Progress& progress = {});
+
+}  // namespace palpate::model

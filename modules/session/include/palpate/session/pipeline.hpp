@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "palpate/core/mesh.hpp"
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+#include "palpate/model/generate.hpp"
+#include "palpate/session/recipe.hpp"
+#include "palpate/simulation/stability.hpp"
+#include "palpate/surface/binding.hpp"
+
+namespace palpate::session {
+
+/// What the tissue hop makes: everything the simulation and the views need.
+struct BuiltTissue {
+  std::shared_ptr<const model::Tissue> tissue;
+  model::TissueStatistics statistics;
+  simulation::StableStep stable_step;
+  double threshold_low = 0.0;  ///< that was used
+  double build_s = 0.0;        ///< points and links
+};
+struct BoundSurface {
+  std::shared_ptr<const core::TriangleMesh> mesh;       ///< null where unmapped
+  std::shared_ptr<const surface::SurfaceBinding> binding;
+  std::string space_reason;  ///< of a loaded mesh
+};
+struct Estimate {
+  model::TissueEstimate tissue;
+  simulation::StableStep stable_step;  ///< of the sample
+  double threshold_low = 0.0;
+};
+
+/// The hops of docs/house.md in their order; each a function of values. The
+/// command line and the window call the same.
+core::VolumeSequence read_input(const InputSettings& input, const core::Progress& progress = {});
+core::Volume filter_volume(const core::Volume& volume, const std::vector<imaging::FilterStep>& chain,
+                           const core::Progress& progress = {});
+Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress = {});
+BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress = {});
+BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tissue, const Recipe& recipe,
+                           const core::Progress& progress = {});
+
+}  // namespace palpate::session

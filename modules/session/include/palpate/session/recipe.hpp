@@ -1,0 +1,59 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "palpate/imaging/filters.hpp"
+#include "palpate/imaging/reader.hpp"
+#include "palpate/model/generate.hpp"
+#include "palpate/simulation/parameters.hpp"
+#include "palpate/surface/extract.hpp"
+
+namespace palpate::session {
+
+struct InputSettings {
+  std::filesystem::path path;
+  std::string sha256;  ///< of the file (of the sorted files of a folder); empty until known
+  std::string series_uid;
+  int frame = 0;
+  std::optional<std::array<double, 3>> spacing_mm;
+  bool allow_truncated = false;
+};
+struct SurfaceSettings {
+  bool mapped = true;                      ///< --surface-mapping triangle, or none
+  std::optional<std::filesystem::path> mesh;  ///< instead of the isosurface
+  surface::MeshSpace mesh_space = surface::MeshSpace::automatic;
+  int face_budget = 50000;
+};
+struct SimulationSettings {
+  simulation::Parameters parameters;
+  std::optional<double> step_s;  ///< automatic where absent
+};
+
+/// Every parameter that decides a result, and the input's checksum.
+struct Recipe {
+  int version = 1;
+  InputSettings input;
+  std::vector<imaging::FilterStep> filters;
+  model::TissueParameters tissue;
+  SurfaceSettings surface;
+  SimulationSettings simulation;
+};
+
+/// JSON with sorted keys; what stands at its default is written too.
+std::string to_json(const Recipe& recipe);
+/// Throws Error(usage) with the place of what does not fit, also for unknown keys.
+Recipe parse_recipe(const std::string& json_text);
+Recipe load_recipe(const std::filesystem::path& path);   ///< relative paths are beside the file
+void save_recipe(const std::filesystem::path& path, const Recipe& recipe);
+/// SHA-256 of to_json() without the input's path, in hex.
+std::string recipe_sha256(const Recipe& recipe);
+/// SHA-256 of a file, or of a folder's sorted names and contents.
+std::string file_sha256(const std::filesystem::path& path, const core::Progress& progress = {});
+/// Writes beside the target and renames; Error(output).
+void write_text_file(const std::filesystem::path& path, const std::string& text);
+
+}  // namespace palpate::session
