@@ -1,9 +1,10 @@
 #pragma once
 
-#include <cstddef>
-#include <memory>
-
 #include "palpate/compute/device.hpp"
+
+#include <cstddef>
+#include <functional>
+#include <memory>
 
 namespace palpate::compute {
 
@@ -29,10 +30,13 @@ class Buffer {
 
   explicit operator bool() const noexcept { return impl_ != nullptr; }
   std::size_t bytes() const noexcept;
-  void write(const void* source, std::size_t bytes, std::size_t offset_bytes = 0);        ///< blocking
-  void read(void* target, std::size_t bytes, std::size_t offset_bytes = 0) const;         ///< blocking
-  void copy_from(const Buffer& source, std::size_t bytes);                                ///< queued
-  void fill_zero();                                                                       ///< queued
+  void write(const void* source, std::size_t bytes, std::size_t offset_bytes = 0);  ///< blocking
+  void read(void* target, std::size_t bytes, std::size_t offset_bytes = 0) const;   ///< blocking
+  void copy_from(const Buffer& source, std::size_t bytes);                          ///< queued
+  void fill_zero();                                                                 ///< queued
+  /// Shows the contents to `reader` without a copy where device memory is the
+  /// host's (blocking map, then unmap). The pointer is valid in the call only.
+  void visit(const std::function<void(const void*)>& reader) const;
   void sync_to_host() const;  ///< blocking map and unmap; only for over_host_memory
   Impl& impl() const noexcept { return *impl_; }
 

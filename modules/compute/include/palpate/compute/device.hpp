@@ -43,6 +43,8 @@ class Device {
   const DeviceInfo& info() const noexcept;
   /// Waits until all that was queued is done. Throws Error(device).
   void finish() const;
+  /// Hands what was queued to the device without waiting. Throws Error(device).
+  void flush() const;
   Impl& impl() const noexcept { return *impl_; }
 
  private:

@@ -1,13 +1,14 @@
 #pragma once
 
+#include "palpate/compute/buffer.hpp"
+#include "palpate/compute/device.hpp"
+
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "palpate/compute/buffer.hpp"
-#include "palpate/compute/device.hpp"
 
 namespace palpate::compute {
 
@@ -26,6 +27,7 @@ class Kernel {
   void set(unsigned argument, float value);
   void set(unsigned argument, std::int32_t value);
   void set(unsigned argument, std::uint32_t value);
+  void set(unsigned argument, const std::array<float, 4>& value);  ///< a float4
   /// Sets arguments 0, 1, 2, ... in order.
   template <typename... Values>
   void set_all(const Values&... values) {
@@ -33,7 +35,9 @@ class Kernel {
     (set(argument++, values), ...);
   }
   /// Queues the kernel over `work_items`, rounded up to the work-group size:
-  /// every kernel guards its own range. Does not wait. Throws Error(device).
+  /// every kernel guards its own range. A device that allows only smaller
+  /// groups gets its largest. The buffers that were set must live until the
+  /// queue is done with them. Does not wait. Throws Error(device).
   void run(std::size_t work_items, std::size_t work_group = 64) const;
 
  private:
@@ -46,10 +50,14 @@ class KernelLibrary {
  public:
   explicit KernelLibrary(Device device) : device_(std::move(device)) {}
 
-  /// file: "explicit_rk4.cl" and so on. defines: {"LINKS_PER_POINT=12", ...}.
+  /// file: "explicit_rk4.cl" and so on. defines: {"LINKS_PER_POINT=12", ...};
+  /// an entry that begins with '-' goes to the compiler as it is
+  /// ("-cl-fast-relaxed-math"). VECTOR_WIDTH is always defined: the device's
+  /// float_vector_width.
   /// Throws Error(device, "kernel-build") with the compiler's log in details()
   /// and its first error in the text.
-  Kernel build(const std::string& file, const std::string& kernel, const std::vector<std::string>& defines = {});
+  Kernel build(const std::string& file, const std::string& kernel,
+               const std::vector<std::string>& defines = {});
 
   const Device& device() const noexcept { return device_; }
   /// The source that build() would compile. Throws Error(internal) if there is none.

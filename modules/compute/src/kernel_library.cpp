@@ -1,0 +1,145 @@
+#include "palpate/compute/kernel_library.hpp"
+
+#include "embedded_kernels.hpp"
+#include "opencl.hpp"
+
+#include "palpate/core/error.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+
+namespace palpate::compute {
+
+namespace {
+
+std::string options_from(const DeviceInfo& info, const std::vector<std::string>& defines) {
+  std::string options = "-cl-std=CL1.2 -D VECTOR_WIDTH=" + std::to_string(info.float_vector_width);
+  for (const auto& define : defines) options += (define.rfind('-', 0) == 0 ? " " : " -D ") + define;
+  return options;
+}
+
+std::string build_log(cl_program program, cl_device_id device) {
+  std::size_t size = 0;
+  if (clGetProgramBuildInfo(program, device, CL_PROGRAM_BUILD_LOG, 0, nullptr, &size) != CL_SUCCESS ||
+      size <= 1)
+    return "(the driver gave no log)";
+  std::string log(size, '\0');
+  clGetProgramBuildInfo(program, device, CL_PROGRAM_BUILD_LOG, size, log.data(), nullptr);
+  while (!log.empty() && (log.back() == '\0' || log.back() == '\n')) log.pop_back();
+  return log;
+}
+
+/// The first line of a log that speaks of an error, else its first line.
+std::string first_error(const std::string& log) {
+  std::istringstream lines(log);
+  std::string first;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find("error") != std::string::npos) return line;
+    if (first.empty()) first = line;
+  }
+  return first;
+}
+
+}  // namespace
+
+struct Kernel::Impl {
+  Device device;
+  std::string name;
+  OwnedKernel kernel;
+  std::size_t largest_group = 1;
+
+  void set(unsigned argument, std::size_t size, const void* value) const {
+    check(clSetKernelArg(kernel.get(), argument, size, value), "clSetKernelArg",
+          "argument " + std::to_string(argument) + " (" + std::to_string(size) + " bytes) of kernel " + name);
+  }
+};
+
+Kernel::Kernel() = default;
+Kernel::Kernel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Kernel::~Kernel() = default;
+Kernel::Kernel(Kernel&&) noexcept = default;
+Kernel& Kernel::operator=(Kernel&&) noexcept = default;
+
+void Kernel::set(unsigned argument, const Buffer& buffer) {
+  cl_mem memory = buffer ? buffer.impl().memory.get() : nullptr;
+  impl_->set(argument, sizeof(memory), &memory);
+}
+void Kernel::set(unsigned argument, float value) { impl_->set(argument, sizeof(value), &value); }
+void Kernel::set(unsigned argument, std::int32_t value) { impl_->set(argument, sizeof(value), &value); }
+void Kernel::set(unsigned argument, std::uint32_t value) { impl_->set(argument, sizeof(value), &value); }
+void Kernel::set(unsigned argument, const std::array<float, 4>& value) {
+  impl_->set(argument, sizeof(value), value.data());
+}
+
+void Kernel::run(std::size_t work_items, std::size_t work_group) const {
+  if (work_items == 0) return;
+  const std::size_t group = std::min(std::max<std::size_t>(work_group, 1), impl_->largest_group);
+  const std::size_t rounded = (work_items + group - 1) / group * group;
+  check(clEnqueueNDRangeKernel(impl_->device.impl().queue.get(), impl_->kernel.get(), 1, nullptr, &rounded,
+                               &group, 0, nullptr, nullptr),
+        "clEnqueueNDRangeKernel",
+        std::to_string(rounded) + " work-items (groups of " + std::to_string(group) + ") of kernel " +
+            impl_->name);
+}
+
+struct KernelLibrary::Program {
+  std::string options;
+  std::string source;
+  OwnedProgram program;
+};
+
+std::string KernelLibrary::source(const std::string& file) {
+  if (const char* folder = std::getenv("PALPATE_KERNEL_DIR"); folder != nullptr && *folder != '\0') {
+    const auto path = std::filesystem::path(folder) / file;
+    std::ifstream stream(path, std::ios::binary);
+    if (stream) return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  }
+  const std::string_view embedded = embedded_kernel(file);
+  if (embedded.empty())
+    throw core::Error(core::ErrorKind::internal, "kernel-missing", "There is no kernel file " + file + ".");
+  return std::string(embedded);
+}
+
+Kernel KernelLibrary::build(const std::string& file, const std::string& kernel,
+                            const std::vector<std::string>& defines) {
+  const std::string text = source(file);
+  const std::string options = options_from(device_.info(), defines);
+  const Device::Impl& device = device_.impl();
+  auto found = std::find_if(programs_.begin(), programs_.end(), [&](const auto& program) {
+    return program->options == options && program->source == text;
+  });
+  cl_int code = CL_SUCCESS;
+  if (found == programs_.end()) {
+    auto program = std::make_shared<Program>();
+    const char* data = text.c_str();
+    const std::size_t size = text.size();
+    program->program = OwnedProgram(clCreateProgramWithSource(device.context.get(), 1, &data, &size, &code));
+    check(code, "clCreateProgramWithSource", file + " (" + std::to_string(size) + " bytes)");
+    code = clBuildProgram(program->program.get(), 1, &device.device, options.c_str(), nullptr, nullptr);
+    if (code != CL_SUCCESS) {
+      const std::string log = build_log(program->program.get(), device.device);
+      throw core::Error(core::ErrorKind::device, "kernel-build",
+                        "The driver of " + device.info.name + " could not build the kernels of " + file +
+                            " (" + code_name(code) + "): " + first_error(log) +
+                            " Try another device, or update its driver.",
+                        "options: " + options + "\n" + log);
+    }
+    program->options = options;
+    program->source = text;
+    programs_.push_back(std::move(program));
+    found = std::prev(programs_.end());
+  }
+  auto impl = std::make_unique<Kernel::Impl>(Kernel::Impl{device_, kernel, OwnedKernel(), 1});
+  impl->kernel = OwnedKernel(clCreateKernel((*found)->program.get(), kernel.c_str(), &code));
+  check(code, "clCreateKernel", "kernel " + kernel + " of " + file);
+  check(clGetKernelWorkGroupInfo(impl->kernel.get(), device.device, CL_KERNEL_WORK_GROUP_SIZE,
+                                 sizeof(impl->largest_group), &impl->largest_group, nullptr),
+        "clGetKernelWorkGroupInfo", "kernel " + kernel);
+  return Kernel(std::move(impl));
+}
+
+}  // namespace palpate::compute
