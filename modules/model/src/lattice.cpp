@@ -1,0 +1,109 @@
+#include "lattice.hpp"
+
+#include "parallel.hpp"
+
+#include "palpate/core/error.hpp"
+
+#include <cmath>
+
+namespace palpate::model {
+namespace {
+
+/// The finalizer of a 64-bit hash: every input bit flips half of the output's.
+std::uint64_t mixed(std::uint64_t x) noexcept {
+  x ^= x >> 30U;
+  x *= 0xBF58476D1CE4E5B9ULL;
+  x ^= x >> 27U;
+  x *= 0x94D049BB133111EBULL;
+  return x ^ (x >> 31U);
+}
+constexpr std::uint64_t golden = 0x9E3779B97F4A7C15ULL;
+
+}  // namespace
+
+CropBox clip(const std::optional<CropBox>& crop, const Cell& dims) {
+  CropBox box{{0, 0, 0}, dims};
+  if (!crop) return box;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    box.begin[axis] = std::max(0, crop->begin[axis]);
+    box.end[axis] = std::min(dims[axis], crop->end[axis]);
+    if (box.begin[axis] >= box.end[axis])
+      core::throw_usage("The crop " + std::to_string(crop->begin[axis]) + ":" +
+                        std::to_string(crop->end[axis]) + " along axis " + "ijk"[axis] +
+                        " holds no voxel; the volume has 0:" + std::to_string(dims[axis]) + " there.");
+  }
+  return box;
+}
+
+LatticeFrame frame_of(const CropBox& box, int stride) {
+  LatticeFrame frame;
+  frame.begin = box.begin;
+  frame.stride = stride;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    frame.size[axis] = (box.end[axis] - box.begin[axis] - 1) / stride + 1;
+  return frame;
+}
+
+Jitter::Jitter(std::uint64_t seed, double amplitude) noexcept
+    : key_(mixed(seed + golden)), amplitude_(amplitude) {}
+
+std::array<float, 3> Jitter::at(std::size_t voxel_index) const noexcept {
+  std::array<float, 3> offset{0.0F, 0.0F, 0.0F};
+  if (amplitude_ == 0.0) return offset;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::uint64_t hash = mixed(key_ ^ mixed((voxel_index * 3 + axis + 1) * golden));
+    // 24 bits m: (2 m + 1) / 2^24 - 1 lies in (-1, 1), symmetric about 0.
+    const double unit = static_cast<double>(2 * (hash >> 40U) + 1) / 16777216.0 - 1.0;
+    float value = static_cast<float>(amplitude_ * unit);
+    if (std::abs(static_cast<double>(value)) > amplitude_) value = std::nextafter(value, 0.0F);
+    offset[axis] = value;
+  }
+  return offset;
+}
+
+Occupancy::Occupancy(const Cell& size, const Cell& pad)
+    : size_(size),
+      pad_(pad),
+      words_per_row_(static_cast<std::size_t>(size[0] + 2 * pad[0] + 63) / 64),
+      rows_(static_cast<std::size_t>(size[1] + 2 * pad[1])) {
+  const std::size_t words = words_per_row_ * rows_ * static_cast<std::size_t>(size[2] + 2 * pad[2]);
+  bits_.assign(words, 0);
+  before_.assign(words, 0);
+}
+
+void Occupancy::number_points() {
+  std::size_t total = 0;
+  for (std::size_t word = 0; word < bits_.size(); ++word) {
+    before_[word] = static_cast<std::uint32_t>(total);
+    total += static_cast<std::size_t>(ones_in(bits_[word]));
+    if (total >= none)
+      core::throw_usage(
+          "More than four thousand million points are too many; raise the threshold, crop, or use a stride.");
+  }
+  count_ = total;
+}
+
+bool IntensityWindow::holds(float value) const noexcept {
+  const auto wide = static_cast<double>(value);
+  return wide >= low && wide <= high && std::isfinite(value);
+}
+
+Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const IntensityWindow& window,
+                 const Cell& pad, unsigned threads, const core::Progress& progress) {
+  Occupancy occupancy(frame.size, pad);
+  const auto rows = static_cast<std::size_t>(frame.size[1]);
+  parallel_for(rows * static_cast<std::size_t>(frame.size[2]), 1024, threads, progress, "Choosing voxels",
+               [&](std::size_t begin, std::size_t end) {
+                 for (std::size_t row = begin; row < end; ++row) {
+                   Cell site{0, static_cast<int>(row % rows), static_cast<int>(row / rows)};
+                   const Cell voxel = frame.voxel_of(site);
+                   const float* value = volume.data() + volume.geometry().index(voxel[0], voxel[1], voxel[2]);
+                   for (; site[0] < frame.size[0]; ++site[0], value += frame.stride)
+                     if (window.holds(*value)) occupancy.set(site);
+                 }
+               });
+  occupancy.number_points();
+  return occupancy;
+}
+
+}  // namespace palpate::model
