@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "palpate/core/progress.hpp"
 #include "palpate/interaction/gesture.hpp"
@@ -56,6 +57,7 @@ struct RunResult {
   int recoveries = 0;
   bool diverged = false;
   std::string message;         ///< of a recovery or the divergence
+  std::vector<core::Warning> warnings;  ///< a gesture's step that met no tissue
   std::string integrator, layout, device, driver;
 };
 /// A whole headless run. Same recipe, gesture, device: the same result.

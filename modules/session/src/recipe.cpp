@@ -1,0 +1,294 @@
+#include "palpate/session/recipe.hpp"
+
+#include "checksum.hpp"
+#include "json_reader.hpp"
+
+#include "palpate/core/error.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <system_error>
+
+namespace palpate::session {
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+namespace {
+
+constexpr double largest = 1e12;
+constexpr int most_voxels = 1 << 30;
+constexpr std::size_t largest_recipe_bytes = std::size_t{16} << 20U;
+
+const std::vector<std::string>& link_words() {
+  static const std::vector<std::string> words{"six", "nearest"};
+  return words;
+}
+const std::vector<std::string>& space_words() {
+  static const std::vector<std::string> words{"automatic", "lps", "ras"};
+  return words;
+}
+const std::vector<std::string>& mapping_words() {
+  static const std::vector<std::string> words{"none", "triangle"};
+  return words;
+}
+
+json optional_number(const std::optional<double>& value) { return value ? json(*value) : json(nullptr); }
+
+json to_value(const InputSettings& input) {
+  return {{"path", input.path.string()},
+          {"sha256", input.sha256},
+          {"series_uid", input.series_uid},
+          {"frame", input.frame},
+          {"spacing_mm", input.spacing_mm ? json(*input.spacing_mm) : json(nullptr)},
+          {"allow_truncated", input.allow_truncated}};
+}
+
+json to_value(const model::TissueParameters& tissue) {
+  json crop = nullptr;
+  if (tissue.crop) crop = {{"begin", tissue.crop->begin}, {"end", tissue.crop->end}};
+  // JSON has no infinity: null is "no upper limit".
+  return {{"threshold_low", optional_number(tissue.threshold_low)},
+          {"threshold_high", tissue.threshold_high},
+          {"crop", crop},
+          {"stride", tissue.stride},
+          {"noise", tissue.noise},
+          {"seed", tissue.seed},
+          {"links", link_words()[tissue.links == model::LinkRule::six ? 0 : 1]},
+          {"max_links", tissue.max_links},
+          {"min_component", tissue.min_component}};
+}
+
+json to_value(const SurfaceSettings& surface) {
+  return {{"mapping", mapping_words()[surface.mapped ? 1 : 0]},
+          {"mesh", surface.mesh ? json(surface.mesh->string()) : json(nullptr)},
+          {"mesh_space", space_words()[static_cast<std::size_t>(surface.mesh_space)]},
+          {"face_budget", surface.face_budget}};
+}
+
+json to_value(const SimulationSettings& simulation) {
+  const auto& parameters = simulation.parameters;
+  const auto& gravity = parameters.gravity_mm_per_s2;
+  return {{"stiffness_per_s2", parameters.stiffness_per_s2},
+          {"damping_per_s", parameters.damping_per_s},
+          {"drag_per_s", parameters.drag_per_s},
+          {"gravity_mm_per_s2", {gravity.x(), gravity.y(), gravity.z()}},
+          {"integrator", simulation::to_string(parameters.integrator)},
+          {"step_s", optional_number(simulation.step_s)}};
+}
+
+json to_value(const Recipe& recipe) {
+  json filters = json::array();
+  for (const auto& step : recipe.filters)
+    filters.push_back({{"name", step.name}, {"parameters", json(step.parameters)}});
+  return {{"version", recipe.version},
+          {"input", to_value(recipe.input)},
+          {"filters", filters},
+          {"tissue", to_value(recipe.tissue)},
+          {"surface", to_value(recipe.surface)},
+          {"simulation", to_value(recipe.simulation)}};
+}
+
+/// Paths may hold bytes that are no UTF-8; they must not make saving fail.
+std::string text_of(const json& value) {
+  return value.dump(2, ' ', false, json::error_handler_t::replace) + "\n";
+}
+
+template <typename Number, typename Read>
+std::array<Number, 3> read_three(const json& value, const std::string& place, Read read) {
+  if (!value.is_array() || value.size() != 3) refuse(place, "a list of three numbers is needed.");
+  std::array<Number, 3> three{};
+  for (std::size_t n = 0; n < 3; ++n) three[n] = read(value[n], place + "[" + std::to_string(n) + "]");
+  return three;
+}
+
+InputSettings read_input(ObjectReader reader) {
+  InputSettings input;
+  std::string path;
+  reader.read("path", path);
+  input.path = path;
+  reader.read("sha256", input.sha256);
+  reader.read("series_uid", input.series_uid);
+  reader.read("frame", input.frame, 0, most_voxels);
+  reader.read("allow_truncated", input.allow_truncated);
+  if (reader.has("spacing_mm"))
+    input.spacing_mm = read_three<double>(reader.at("spacing_mm"), reader.place_of("spacing_mm"),
+                                          [](const json& value, const std::string& place) {
+                                            return ObjectReader::number(value, place, 1e-9, largest);
+                                          });
+  reader.finish();
+  return input;
+}
+
+std::vector<imaging::FilterStep> read_filters(const json& value) {
+  if (!value.is_array()) refuse("filters", "a list is needed.");
+  std::vector<imaging::FilterStep> chain;
+  for (std::size_t n = 0; n < value.size(); ++n) {
+    const std::string place = "filters[" + std::to_string(n) + "]";
+    ObjectReader reader(value[n], place);
+    imaging::FilterStep step;
+    reader.read("name", step.name);
+    if (reader.has("parameters")) {
+      const auto& parameters = reader.at("parameters");
+      if (!parameters.is_object()) refuse(reader.place_of("parameters"), "an object in braces is needed.");
+      for (const auto& [key, number] : parameters.items())
+        step.parameters[key] =
+            ObjectReader::number(number, reader.place_of("parameters") + "." + key, -largest, largest);
+    }
+    reader.finish();
+    // Names and ranges are the filters' own to judge.
+    try {
+      step = imaging::parse_filter(imaging::to_string(step));
+    } catch (const core::Error& error) {
+      refuse(place, error.what());
+    }
+    chain.push_back(step);
+  }
+  return chain;
+}
+
+model::TissueParameters read_tissue(ObjectReader reader) {
+  model::TissueParameters tissue;
+  if (reader.has("threshold_low")) {
+    double low = 0.0;
+    reader.read("threshold_low", low, -largest, largest);
+    tissue.threshold_low = low;
+  }
+  reader.read("threshold_high", tissue.threshold_high, -largest, largest);
+  if (reader.has("crop")) {
+    ObjectReader crop = reader.object("crop");
+    const auto whole = [](const json& value, const std::string& place) {
+      return static_cast<int>(ObjectReader::whole(value, place, 0, most_voxels));
+    };
+    model::CropBox box;
+    box.begin = read_three<int>(crop.at("begin"), crop.place_of("begin"), whole);
+    box.end = read_three<int>(crop.at("end"), crop.place_of("end"), whole);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (box.begin[axis] >= box.end[axis]) refuse(crop.place_of("end"), "it must lie beyond the beginning.");
+    crop.finish();
+    tissue.crop = box;
+  }
+  reader.read("stride", tissue.stride, 1, 1024);
+  reader.read("noise", tissue.noise, 0.0, 0.5);
+  reader.read("seed", tissue.seed);
+  std::size_t links = tissue.links == model::LinkRule::six ? 0 : 1;
+  reader.read_word("links", links, link_words());
+  tissue.links = links == 0 ? model::LinkRule::six : model::LinkRule::nearest;
+  reader.read("max_links", tissue.max_links, 1, 64);
+  std::uint64_t least = tissue.min_component;
+  reader.read("min_component", least);
+  tissue.min_component = least;
+  reader.finish();
+  return tissue;
+}
+
+SurfaceSettings read_surface(ObjectReader reader) {
+  SurfaceSettings surface;
+  std::size_t mapping = surface.mapped ? 1 : 0;
+  reader.read_word("mapping", mapping, mapping_words());
+  surface.mapped = mapping == 1;
+  if (reader.has("mesh")) {
+    std::string mesh;
+    reader.read("mesh", mesh);
+    surface.mesh = mesh;
+  }
+  std::size_t space = 0;
+  reader.read_word("mesh_space", space, space_words());
+  surface.mesh_space = static_cast<surface::MeshSpace>(space);
+  reader.read("face_budget", surface.face_budget, 4, 100000000);
+  reader.finish();
+  return surface;
+}
+
+SimulationSettings read_simulation(ObjectReader reader) {
+  SimulationSettings simulation;
+  auto& parameters = simulation.parameters;
+  reader.read("stiffness_per_s2", parameters.stiffness_per_s2, 0.0, 1e9);
+  reader.read("damping_per_s", parameters.damping_per_s, 0.0, 1e6);
+  reader.read("drag_per_s", parameters.drag_per_s, 0.0, 1e4);
+  if (reader.has("gravity_mm_per_s2")) {
+    const auto gravity =
+        read_three<double>(reader.at("gravity_mm_per_s2"), reader.place_of("gravity_mm_per_s2"),
+                           [](const json& value, const std::string& place) {
+                             return ObjectReader::number(value, place, -1e9, 1e9);
+                           });
+    parameters.gravity_mm_per_s2 = {gravity[0], gravity[1], gravity[2]};
+  }
+  std::size_t integrator = 0;
+  reader.read_word("integrator", integrator, {simulation::to_string(simulation::Integrator::rk4)});
+  if (reader.has("step_s")) {
+    double step_s = 0.0;
+    reader.read("step_s", step_s, 1e-9, 1.0);
+    simulation.step_s = step_s;
+  }
+  reader.finish();
+  return simulation;
+}
+
+}  // namespace
+
+std::string to_json(const Recipe& recipe) { return text_of(to_value(recipe)); }
+
+Recipe parse_recipe(const std::string& json_text) {
+  const json value = parse_json(json_text, "The recipe");
+  ObjectReader reader(value, "");
+  Recipe recipe;
+  reader.at("version");
+  reader.read("version", recipe.version, 1, 1);
+  if (reader.has("input")) recipe.input = read_input(reader.object("input"));
+  if (reader.has("filters")) recipe.filters = read_filters(reader.at("filters"));
+  if (reader.has("tissue")) recipe.tissue = read_tissue(reader.object("tissue"));
+  if (reader.has("surface")) recipe.surface = read_surface(reader.object("surface"));
+  if (reader.has("simulation")) recipe.simulation = read_simulation(reader.object("simulation"));
+  reader.finish();
+  return recipe;
+}
+
+Recipe load_recipe(const fs::path& path) {
+  std::error_code unknown;
+  const auto bytes = fs::is_regular_file(path, unknown) ? fs::file_size(path, unknown) : std::uintmax_t{0};
+  std::ifstream file(path, std::ios::binary);
+  if (!file || !fs::is_regular_file(path, unknown))
+    throw core::Error(
+        core::ErrorKind::input, "not-found",
+        "The recipe " + path.string() + " cannot be read. Check the name and that you may read it.");
+  if (bytes > largest_recipe_bytes)
+    throw core::Error(core::ErrorKind::input, "too-large",
+                      path.string() + " has " + std::to_string(bytes) + " bytes; no recipe is that large.");
+  const std::string text((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  Recipe recipe;
+  try {
+    recipe = parse_recipe(text);
+  } catch (const core::Error& error) {
+    throw core::Error(error.kind(), error.code(), path.string() + ": " + error.what(), error.details());
+  }
+  const auto beside = [&](const fs::path& given) {
+    return given.empty() || given.is_absolute() ? given : (path.parent_path() / given).lexically_normal();
+  };
+  recipe.input.path = beside(recipe.input.path);
+  if (recipe.surface.mesh) recipe.surface.mesh = beside(*recipe.surface.mesh);
+  return recipe;
+}
+
+void save_recipe(const fs::path& path, const Recipe& recipe) {
+  // Relative paths are those of the working folder now; in the file they are
+  // beside it, so that scan and recipe can move together.
+  const fs::path folder = fs::absolute(path).parent_path();
+  const auto beside = [&](const fs::path& given) {
+    return given.empty() || given.is_absolute() ? given : fs::absolute(given).lexically_proximate(folder);
+  };
+  Recipe written = recipe;
+  written.input.path = beside(recipe.input.path);
+  if (recipe.surface.mesh) written.surface.mesh = beside(*recipe.surface.mesh);
+  write_text_file(path, to_json(written));
+}
+
+std::string recipe_sha256(const Recipe& recipe) {
+  json value = to_value(recipe);
+  value["input"].erase("path");
+  return sha256_of(text_of(value));
+}
+
+}  // namespace palpate::session
