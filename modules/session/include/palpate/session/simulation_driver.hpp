@@ -41,7 +41,8 @@ struct DriverSetup {
 };
 /// What the driver says besides frames.
 struct DriverEvent {
-  enum class Kind { ready, recovered, diverged, failed } kind = Kind::ready;
+  /// refused: a command's parameter was out of range; all goes on as before.
+  enum class Kind { ready, recovered, diverged, failed, refused } kind = Kind::ready;
   std::string text;     ///< for people
   std::string code;     ///< of the Error where failed ("no-device", "kernel-build", ...)
   std::string details;  ///< a log, or empty
@@ -67,6 +68,8 @@ class SimulationDriver {
   void set_parameters(const simulation::Parameters& parameters);
   void set_step_s(std::optional<double> step_s);  ///< automatic where absent
 
+  /// Also while paused: the points are held and shown, a drag is remembered,
+  /// and the tissue follows it with the next play() or step_once().
   void grab(const interaction::Ray& ray, const interaction::PickReach& reach, double radius_mm,
             interaction::SelectionKind kind);
   void drag(const interaction::Ray& ray);

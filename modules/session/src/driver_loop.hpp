@@ -1,0 +1,117 @@
+#pragma once
+
+#include "history.hpp"
+#include "pool.hpp"
+#include "solver_setup.hpp"
+
+#include "palpate/session/simulation_driver.hpp"
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <variant>
+#include <vector>
+
+namespace palpate::session {
+
+/// What the driver's queue holds.
+namespace command {
+struct Play {};
+struct Pause {};
+struct StepOnce {};
+struct Reset {};
+struct SetParameters {
+  simulation::Parameters parameters;
+};
+struct SetStep {
+  std::optional<double> step_s;
+};
+struct GrabAt {
+  interaction::Ray ray;
+  interaction::PickReach reach;
+  double radius_mm;
+  interaction::SelectionKind kind;
+};
+struct DragTo {
+  interaction::Ray ray;
+};
+struct Release {};
+struct Undo {};
+struct Redo {};
+}  // namespace command
+using Command = std::variant<command::Play, command::Pause, command::StepOnce, command::Reset,
+                             command::SetParameters, command::SetStep, command::GrabAt, command::DragTo,
+                             command::Release, command::Undo, command::Redo>;
+
+/// The simulation of a SimulationDriver, without its thread: owns the device,
+/// the solver and the history. Everything happens in the caller's thread; time
+/// comes from outside, so that pacing can be tested without waiting.
+class DriverLoop {
+ public:
+  using Clock = std::chrono::steady_clock;
+  using Publish = std::function<void(Frame)>;
+  using Tell = std::function<void(const DriverEvent&)>;
+
+  /// Opens the device and builds the kernels; stops between the parts with
+  /// Error(cancelled) once `stop` is set.
+  DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const std::atomic<bool>& stop);
+
+  void apply(const Command& command);
+  /// Called while playing: takes the steps that are due at `now`, a batch at
+  /// most. Gives when to be called next.
+  Clock::time_point advance(Clock::time_point now);
+  bool playing() const noexcept { return playing_; }
+  /// Publishes a frame if something changed since the last one.
+  void publish_if_changed();
+
+ private:
+  void on(const command::Play&);
+  void on(const command::Pause&);
+  void on(const command::StepOnce&);
+  void on(const command::Reset&);
+  void on(const command::SetParameters& command);
+  void on(const command::SetStep& command);
+  void on(const command::GrabAt& command);
+  void on(const command::DragTo& command);
+  void on(const command::Release&);
+  void on(const command::Undo&);
+  void on(const command::Redo&);
+
+  void take_steps(int count);
+  void steer_grab(double batch_s);
+  void let_go();
+  void restore(const simulation::State& state);
+  void update_bound(const std::vector<Eigen::Vector3f>& positions_mm);
+  void use_step();
+  void pause();
+  int steps_due(double owed_s) const;
+  std::shared_ptr<std::vector<Eigen::Vector3f>> positions_now();
+  void publish();
+
+  DriverSetup setup_;
+  Publish publish_;
+  Tell tell_;
+  model::Adjacency adjacency_;
+  simulation::StableStep bound_;
+  // The pools outlive what wraps their memory on the device.
+  Pool<surface::DeformedSurface> surfaces_;
+  Pool<std::vector<Eigen::Vector3f>> positions_;
+  SolverOnDevice on_;
+  std::optional<SurfaceFollower> follower_;
+  std::optional<simulation::Guard> guard_;
+  std::optional<Grab> grab_;
+  std::optional<interaction::Ray> drag_ray_;
+  std::optional<simulation::State> before_drag_;
+  double grab_radius_mm_ = 0.0;
+  History history_;
+  bool playing_ = false;
+  bool changed_ = true;
+  // Pacing.
+  Clock::time_point last_;
+  double owed_s_ = 0.0;           ///< simulated time that wall time has earned
+  double wall_per_step_s_ = 0.0;  ///< smoothed
+  double realtime_factor_ = 0.0;  ///< smoothed
+};
+
+}  // namespace palpate::session
