@@ -83,6 +83,16 @@ void Occupancy::number_points() {
   count_ = total;
 }
 
+Cell Occupancy::site_of(std::uint32_t point) const noexcept {
+  const auto word =
+      static_cast<std::size_t>(std::upper_bound(before_.begin(), before_.end(), point) - before_.begin()) - 1;
+  std::uint64_t left = bits_[word];
+  for (std::uint32_t skip = point - before_[word]; skip > 0; --skip) left &= left - 1;
+  const std::size_t row = word / words_per_row_;
+  return {static_cast<int>(word % words_per_row_ * 64) + ones_in((left & (~left + 1)) - 1) - pad_[0],
+          static_cast<int>(row % rows_) - pad_[1], static_cast<int>(row / rows_) - pad_[2]};
+}
+
 bool IntensityWindow::holds(float value) const noexcept {
   const auto wide = static_cast<double>(value);
   return wide >= low && wide <= high && std::isfinite(value);

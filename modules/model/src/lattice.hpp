@@ -81,6 +81,7 @@ class Occupancy {
   /// After the last set(). Throws Error(usage) where there are too many points to number.
   void number_points();
   std::size_t count() const noexcept { return count_; }
+  Cell site_of(std::uint32_t point) const noexcept;
 
   /// f(site, point) for the points of row (b, c), in order.
   template <typename F>

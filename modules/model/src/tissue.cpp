@@ -1,6 +1,7 @@
 #include "palpate/model/tissue.hpp"
 
 #include "device_bytes.hpp"
+#include "union_find.hpp"
 
 #include <algorithm>
 #include <numeric>
@@ -26,34 +27,6 @@ Adjacency adjacency_of(const LinkGraph& links, std::size_t point_count) {
   }
   return adjacency;
 }
-
-namespace {
-
-/// Roots are the smallest point of their component.
-class UnionFind {
- public:
-  explicit UnionFind(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0U); }
-  std::uint32_t root(std::uint32_t point) {
-    while (parent_[point] != point) {
-      parent_[point] = parent_[parent_[point]];
-      point = parent_[point];
-    }
-    return point;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = root(a);
-    b = root(b);
-    if (a < b)
-      parent_[b] = a;
-    else
-      parent_[a] = b;
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
-
-}  // namespace
 
 Components components_of(const LinkGraph& links, std::size_t point_count) {
   UnionFind sets(point_count);

@@ -1,13 +1,13 @@
 #pragma once
 
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+#include "palpate/model/tissue.hpp"
+
 #include <array>
 #include <cstdint>
 #include <limits>
 #include <optional>
-
-#include "palpate/core/progress.hpp"
-#include "palpate/core/volume.hpp"
-#include "palpate/model/tissue.hpp"
 
 namespace palpate::model {
 
@@ -26,13 +26,13 @@ struct CropBox {
 struct TissueParameters {
   std::optional<double> threshold_low;  ///< Otsu's where absent
   double threshold_high = std::numeric_limits<double>::infinity();
-  std::optional<CropBox> crop;          ///< clipped to the volume
-  int stride = 1;                       ///< every n-th voxel along each axis, from the crop's first
-  double noise = 0.1;                   ///< A: uniform in [-A, A] times the point spacing of each axis
+  std::optional<CropBox> crop;  ///< clipped to the volume
+  int stride = 1;               ///< every n-th voxel along each axis, from the crop's first
+  double noise = 0.1;           ///< A: uniform in [-A, A] times the point spacing of each axis; 0..0.5
   std::uint64_t seed = 1;
   LinkRule links = LinkRule::nearest;
-  int max_links = 12;                   ///< n; ignored for six. 1..64
-  std::size_t min_component = 1;        ///< components with fewer points are dropped
+  int max_links = 12;             ///< n; ignored for six. 1..64
+  std::size_t min_component = 1;  ///< components with fewer points are dropped
 };
 
 /// Otsu's threshold over 256 bins of the finite range: the value at which the
@@ -49,18 +49,24 @@ double otsu_threshold(const core::Volume& volume, const std::optional<CropBox>& 
 Tissue generate(const core::Volume& volume, const TissueParameters& parameters,
                 const core::Progress& progress = {});
 
-/// Only the second half of generate(): links among given points.
+/// Only the second half of generate(): links among given points, by their
+/// positions alone (voxels may be empty). Ties are broken by the point's
+/// number. The spacing says how fine the search is and does not change the
+/// result. generate() itself compares distances in the lattice, before they
+/// are rounded to positions, so that equal steps of the lattice are ties.
 LinkGraph link_nearest(const PointCloud& points, const Eigen::Vector3d& point_spacing_mm, int max_links,
                        const core::Progress& progress = {});
 
 /// What generate() would make, without making it: `points` is exact but for
-/// the small components that would be dropped (`dropped_unknown` says so when
-/// min_component > 1 could not be counted exactly), the rest is measured on a
-/// sampled block and scaled up. Takes well under a tenth of generate().
+/// the small components that would be dropped (`dropped_unknown`). The rest is
+/// scaled up from the exact link lists of points sampled all over the tissue;
+/// components are those of the touching voxels. Takes well under a tenth of
+/// generate(). Throws as generate() does.
 struct TissueEstimate {
   TissueStatistics statistics;
-  Tissue sample;       ///< the block that was built, for a stable-step estimate
-  bool sampled = true; ///< false when the whole tissue was small enough to be built
+  Tissue sample;                 ///< the densest block, built, for a stable-step estimate
+  bool sampled = true;           ///< false when the whole tissue was small enough to be built
+  bool dropped_unknown = false;  ///< min_component > 1 and `points` counts what stays only nearly
 };
 TissueEstimate estimate(const core::Volume& volume, const TissueParameters& parameters,
                         const core::Progress& progress = {});

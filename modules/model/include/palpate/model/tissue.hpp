@@ -1,26 +1,25 @@
 #pragma once
 
+#include "palpate/core/geometry.hpp"
+
 #include <Eigen/Core>
+
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include "palpate/core/geometry.hpp"
-
 namespace palpate::model {
 
 /// Point masses, one per tissue voxel (thesis 3.1). All arrays have size().
 struct PointCloud {
-  std::vector<Eigen::Vector3f> positions_mm;       ///< LPS, relative to `center_mm`
-  std::vector<std::array<std::int32_t, 3>> voxels;  ///< the source voxel (i, j, k)
-  std::vector<float> intensities;                  ///< of the source voxel
+  std::vector<Eigen::Vector3f> positions_mm;            ///< LPS, relative to `center_mm`
+  std::vector<std::array<std::int32_t, 3>> voxels;      ///< the source voxel (i, j, k)
+  std::vector<float> intensities;                       ///< of the source voxel
   Eigen::Vector3d center_mm = Eigen::Vector3d::Zero();  ///< LPS of the volume's centre
 
   std::size_t size() const noexcept { return positions_mm.size(); }
-  Eigen::Vector3d lps_mm(std::size_t point) const {
-    return center_mm + positions_mm[point].cast<double>();
-  }
+  Eigen::Vector3d lps_mm(std::size_t point) const { return center_mm + positions_mm[point].cast<double>(); }
 };
 
 /// Undirected links; each pair once with first < second, sorted.
@@ -43,7 +42,7 @@ Adjacency adjacency_of(const LinkGraph& links, std::size_t point_count);
 struct Tissue {
   PointCloud points;
   LinkGraph links;
-  core::ImageGeometry geometry;            ///< of the source volume
+  core::ImageGeometry geometry;                          ///< of the source volume
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();  ///< between points: voxel spacing times stride
 };
 
