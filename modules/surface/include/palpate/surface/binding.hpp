@@ -1,15 +1,16 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <array>
-#include <cstdint>
-#include <memory>
-#include <vector>
-
 #include "palpate/compute/buffer.hpp"
 #include "palpate/core/mesh.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/model/tissue.hpp"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
 
 namespace palpate::surface {
 
@@ -33,8 +34,18 @@ SurfaceBinding bind(const core::TriangleMesh& mesh, const model::Tissue& tissue,
 
 /// The basis at given places, columns T, N, B. Degenerate triangles: where T
 /// or N cannot be formed the nearest defined basis is used (documented in the
-/// source), never NaN.
-Eigen::Matrix3d triangle_basis(const Eigen::Vector3d& p1, const Eigen::Vector3d& p2, const Eigen::Vector3d& p3);
+/// source), never NaN. As the paper has it, det(T, N, B) is -1.
+Eigen::Matrix3d triangle_basis(const Eigen::Vector3d& p1, const Eigen::Vector3d& p2,
+                               const Eigen::Vector3d& p3);
+
+/// One bound vertex where its three points are, all in double and in the
+/// frame of the points.
+struct DeformedVertex {
+  Eigen::Vector3d position_mm;
+  Eigen::Vector3d normal;
+};
+DeformedVertex deform_vertex(const SurfaceBinding& binding, std::size_t vertex, const Eigen::Vector3d& p1,
+                             const Eigen::Vector3d& p2, const Eigen::Vector3d& p3);
 
 /// Host twin of kernels/surface_mapping.cl in double: positions relative to
 /// tissue centre in, LPS mm out.
@@ -46,6 +57,9 @@ void deform_reference(const SurfaceBinding& binding, const Eigen::Vector3d& cent
 /// LPS mm, 64-byte aligned. Filled by one thread, then handed on as const.
 class DeformedSurface {
  public:
+  /// A device's view of the arrays; made by the Deformer that writes them.
+  struct DeviceView;
+
   explicit DeformedSurface(std::size_t vertex_count);
   ~DeformedSurface();
   DeformedSurface(const DeformedSurface&) = delete;
@@ -57,17 +71,22 @@ class DeformedSurface {
   const float* normals() const noexcept { return normals_; }
 
  private:
+  friend class Deformer;
   std::size_t vertex_count_;
   float* vertices_;
   float* normals_;
+  std::unique_ptr<DeviceView> view_;  ///< goes before the memory that it looks at
 };
 
 /// Runs surface_mapping.cl on the solver's device straight into the arrays of
-/// a DeformedSurface. One thread: that of the solver.
+/// a DeformedSurface. One thread: that of the solver. A surface is written by
+/// one Deformer after another, never by two at a time.
 class Deformer {
  public:
   Deformer(const compute::Device& device, const SurfaceBinding& binding, const Eigen::Vector3d& center_mm);
   ~Deformer();
+  Deformer(const Deformer&) = delete;
+  Deformer& operator=(const Deformer&) = delete;
   /// positions: Solver::positions_buffer(). Waits until `out` is written.
   void deform(const compute::Buffer& positions, DeformedSurface& out);
 

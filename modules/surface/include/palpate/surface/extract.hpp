@@ -1,22 +1,22 @@
 #pragma once
 
-#include <filesystem>
-#include <optional>
-#include <string>
-
 #include "palpate/core/mesh.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/core/volume.hpp"
 #include "palpate/model/generate.hpp"
+
+#include <filesystem>
+#include <optional>
+#include <string>
 
 namespace palpate::surface {
 
 struct ExtractParameters {
   double iso_value = 0.0;
   int face_budget = 50000;
-  int smoothing_passes = 20;     ///< windowed sinc; 0 for none
+  int smoothing_passes = 20;  ///< windowed sinc; 0 for none
   std::optional<model::CropBox> crop;
-  std::size_t min_component = 1; ///< pieces whose tissue has fewer points are left out, see keep
+  std::size_t min_component = 1;  ///< pieces whose tissue has fewer points are left out, see keep
 };
 
 /// Isosurface of the volume (flying edges, smoothed, decimated to the budget,
@@ -28,7 +28,8 @@ core::TriangleMesh extract(const core::Volume& volume, const ExtractParameters& 
 
 /// Keeps the faces that lie within `reach_mm` of some tissue point, so that
 /// what the tissue step dropped is not drawn.
-core::TriangleMesh keep_near(const core::TriangleMesh& mesh, const model::PointCloud& points, double reach_mm);
+core::TriangleMesh keep_near(const core::TriangleMesh& mesh, const model::PointCloud& points,
+                             double reach_mm);
 
 enum class MeshSpace { automatic, lps, ras };
 struct LoadedMesh {
