@@ -1,12 +1,12 @@
 #pragma once
 
+#include "palpate/interaction/move_tool.hpp"
+#include "palpate/interaction/ray.hpp"
+
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include "palpate/interaction/move_tool.hpp"
-#include "palpate/interaction/ray.hpp"
 
 namespace palpate::interaction {
 
@@ -18,11 +18,17 @@ struct GesturePoint {
 struct GestureStep {
   std::string tool = "move";
   std::optional<Camera> camera;
-  std::vector<GesturePoint> path;  ///< times rise; at least one
+  std::vector<GesturePoint> path;  ///< times never fall, also from step to step; at least one
   double radius_mm = 5.0;
   SelectionKind selection = SelectionKind::sphere;
-  double cone_half_angle_deg = 1.0;
+  double cone_half_angle_deg = 1.0;  ///< 0..89; for a parallel camera see reach_of()
 };
+/// The reach of a recorded pick. A file knows only the cone; for a parallel
+/// camera the cylinder is as wide as that cone at the camera's focal point.
+PickReach reach_of(const GestureStep& step);
+/// What to record, so that reach_of() gives this reach again.
+double cone_half_angle_deg_of(const PickReach& reach, const Camera& camera);
+
 struct Gesture {
   int version = 1;
   std::vector<GestureStep> steps;
