@@ -56,10 +56,7 @@ void Grab::drag_to(const interaction::Ray& ray, double duration_s) {
 }
 
 void Grab::rest() {
-  if (!active() || impl_->velocity_mm_per_s.isZero(0.0)) return;
-  impl_->set_velocity(Eigen::Vector3d::Zero());
-  // Holding again takes the drag's velocity away, which would feed the dampers.
-  impl_->solver.hold(impl_->held);
+  if (active() && !impl_->velocity_mm_per_s.isZero(0.0)) impl_->set_velocity(Eigen::Vector3d::Zero());
 }
 
 void Grab::release() {

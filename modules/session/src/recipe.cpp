@@ -212,7 +212,7 @@ SimulationSettings read_simulation(ObjectReader reader) {
     const auto gravity =
         read_three<double>(reader.at("gravity_mm_per_s2"), reader.place_of("gravity_mm_per_s2"),
                            [](const json& value, const std::string& place) {
-                             return ObjectReader::number(value, place, -1e9, 1e9);
+                             return ObjectReader::number(value, place, -1e6, 1e6);
                            });
     parameters.gravity_mm_per_s2 = {gravity[0], gravity[1], gravity[2]};
   }

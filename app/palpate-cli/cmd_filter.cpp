@@ -1,0 +1,156 @@
+#include "commands.hpp"
+#include "console.hpp"
+#include "options.hpp"
+#include "outputs.hpp"
+#include "scan_options.hpp"
+#include "values.hpp"
+
+#include "palpate/core/error.hpp"
+#include "palpate/imaging/writer.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace palpate::cli {
+namespace {
+
+int print_list(const Call& call) {
+  Json list = Json::array();
+  std::string text;
+  for (const auto& filter : imaging::filters()) {
+    Json parameters = Json::array();
+    Table table;
+    for (const auto& parameter : filter.parameters) {
+      Json one;
+      one["name"] = parameter.name;
+      one["text"] = parameter.text;
+      one["default"] = parameter.standard;
+      one["min"] = parameter.min;
+      one["max"] = parameter.max;
+      one["whole_number"] = parameter.whole_number;
+      parameters.push_back(one);
+      table.emplace_back(parameter.name, parameter.text + ", " + shown(parameter.min) + " to " +
+                                             shown(parameter.max) + " (default " + shown(parameter.standard) +
+                                             ")");
+    }
+    Json object;
+    object["name"] = filter.name;
+    object["text"] = filter.text;
+    object["parameters"] = parameters;
+    list.push_back(object);
+    text += filter.name + ": " + filter.text + "\n" + table_text(table);
+  }
+  Json object;
+  object["filters"] = list;
+  call.console.result(object, text);
+  return 0;
+}
+
+/// The voxels of the box, in a volume of their own that lies at the same place.
+core::Volume cropped(const core::Volume& volume, const model::CropBox& box) {
+  std::array<int, 3> begin{};
+  std::array<int, 3> dims{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    begin[axis] = std::min(box.begin[axis], volume.dims()[axis]);
+    dims[axis] = std::min(box.end[axis], volume.dims()[axis]) - begin[axis];
+    if (dims[axis] < 1)
+      core::throw_usage("--crop: the box lies outside the volume of " + std::to_string(volume.dims()[0]) +
+                        " x " + std::to_string(volume.dims()[1]) + " x " + std::to_string(volume.dims()[2]) +
+                        " voxels.");
+  }
+  const auto& whole = volume.geometry();
+  const core::ImageGeometry geometry(
+      dims, whole.spacing_mm(),
+      whole.to_lps_mm(
+          {static_cast<double>(begin[0]), static_cast<double>(begin[1]), static_cast<double>(begin[2])}),
+      whole.direction());
+  std::vector<float> voxels;
+  voxels.reserve(geometry.voxel_count());
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j) {
+      const float* row = volume.data() + whole.index(begin[0], begin[1] + j, begin[2] + k);
+      voxels.insert(voxels.end(), row, row + dims[0]);
+    }
+  return {geometry, std::move(voxels)};
+}
+
+/// Whole numbers stay whole through a median; other filters make fractions.
+std::string pixel_type_of(const core::VolumeInfo& info, const std::vector<imaging::FilterStep>& chain) {
+  const bool kept =
+      std::all_of(chain.begin(), chain.end(), [](const auto& step) { return step.name == "median"; });
+  return kept && info.pixel_type == "uint8" && info.components == 1 ? "uint8" : "float32";
+}
+
+double frame_spacing_s(const core::VolumeInfo& info) {
+  const auto& times = info.frame_times_s;
+  return times.size() > 1 ? (times.back() - times.front()) / static_cast<double>(times.size() - 1) : 0.0;
+}
+
+int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) {
+  take_path(scan, "filter");
+  if (output.empty()) core::throw_usage("filter needs -o OUT, the file to write.");
+  check_output("-o", output, {".mha", ".mhd", ".nrrd", ".nii", ".nii.gz"}, {".dcm"});
+  const auto start = std::chrono::steady_clock::now();
+  const auto progress = call.console.progress();
+  auto sequence = imaging::read(scan.recipe.input.path, read_options(scan), progress.part(0.0, 0.3));
+  call.console.warn(sequence.info.warnings);
+  const double count = static_cast<double>(sequence.frames.size());
+  for (std::size_t n = 0; n < sequence.frames.size(); ++n) {
+    const double from = 0.3 + 0.5 * static_cast<double>(n) / count;
+    auto filtered = session::filter_volume(sequence.frames[n], scan.recipe.filters,
+                                           progress.part(from, from + 0.5 / count));
+    sequence.frames[n] = scan.recipe.tissue.crop ? cropped(filtered, *scan.recipe.tissue.crop) : filtered;
+  }
+  imaging::WriteOptions write_options;
+  write_options.pixel_type = pixel_type_of(sequence.info, scan.recipe.filters);
+  imaging::write(output, sequence.frames, frame_spacing_s(sequence.info), write_options,
+                 progress.part(0.8, 1.0));
+
+  const auto& first = sequence.frames.front();
+  Json object;
+  object["output"] = output;
+  Json names = Json::array();
+  for (const auto& step : scan.recipe.filters) names.push_back(imaging::to_string(step));
+  object["filters"] = names;
+  object["dims"] = first.dims();
+  object["spacing_mm"] = list_of(first.geometry().spacing_mm());
+  object["frames"] = sequence.frames.size();
+  object["pixel_type"] = write_options.pixel_type;
+  object["min"] = number(first.range().min);
+  object["max"] = number(first.range().max);
+  object["mean"] = number(first.range().mean);
+  object["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  Table table;
+  table.emplace_back(
+      "Filters", scan.recipe.filters.empty() ? "none" : join(names.get<std::vector<std::string>>(), ", "));
+  table.emplace_back("Voxels", std::to_string(first.dims()[0]) + " x " + std::to_string(first.dims()[1]) +
+                                   " x " + std::to_string(first.dims()[2]) + " " + write_options.pixel_type);
+  table.emplace_back("Values", shown(first.range().min) + " to " + shown(first.range().max) + ", mean " +
+                                   shown(first.range().mean));
+  call.console.result(object, "Wrote " + output, table);
+  return 0;
+}
+
+}  // namespace
+
+int run_filter(const Call& call) {
+  CommonOptions common;
+  ScanOptions scan;
+  std::string output;
+  bool list = false;
+  OptionSet options(
+      "filter", "filter [options] PATH -o OUT",
+      "Applies filters in the order given and writes the volume; without a filter it converts.");
+  options.positional("PATH", 1, scan.paths);
+  options.text("-o", "OUT", "the file to write: .mha, .mhd, .nrrd, .nii or .nii.gz", output);
+  options.flag("--list", "prints the filters and their parameters", list);
+  add_scan_options(options, scan);
+  add_common(options, common);
+  options.example("palpate-cli filter data/sample-heart.mha --filter median:radius=1 -o smooth.mha");
+  options.example("palpate-cli filter --list");
+  if (parse_or_help(options, call)) return 0;
+  return list ? print_list(call) : filter_scan(scan, output, call);
+}
+
+}  // namespace palpate::cli

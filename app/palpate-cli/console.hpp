@@ -1,0 +1,51 @@
+#pragma once
+
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace palpate::cli {
+
+using Json = nlohmann::ordered_json;
+/// Label and value, printed in two columns.
+using Table = std::vector<std::pair<std::string, std::string>>;
+
+/// Where a subcommand speaks: the result to stdout, as text or as one JSON
+/// object; progress and warnings to stderr.
+class Console {
+ public:
+  Console(bool json, bool progress, core::CancelToken cancel);
+  ~Console();
+
+  bool json() const noexcept { return json_; }
+  void warn(const std::string& code, const std::string& text);
+  void warn(const std::vector<core::Warning>& warnings);
+  core::Progress progress() const;
+  /// Prints the result and the warnings. Error(output) where stdout is closed or full.
+  void result(Json object, const std::string& text);
+  void result(Json object, const std::string& heading, const Table& table);
+  /// An error that ends the program; never throws.
+  void error(const core::Error& error) noexcept;
+
+ private:
+  struct Line;
+  bool json_;
+  core::CancelToken cancel_;
+  std::shared_ptr<Line> line_;
+  std::vector<core::Warning> warnings_;
+};
+
+/// Help and version. Error(output) where stdout is closed or full.
+void print(const std::string& text);
+Json to_json(const std::vector<core::Warning>& warnings);
+/// NaN and infinity are no JSON: null.
+Json number(double value);
+std::string table_text(const Table& table);
+
+}  // namespace palpate::cli

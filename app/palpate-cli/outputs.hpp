@@ -1,0 +1,15 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace palpate::cli {
+
+/// Refuses before the long work what could not be written after it:
+/// Error(usage) for an ending that is not in `endings`, Error(output) for a
+/// folder that does not exist or may not be written to.
+void check_output(const std::string& option, const std::filesystem::path& path,
+                  const std::vector<std::string>& endings, const std::vector<std::string>& later = {});
+
+}  // namespace palpate::cli

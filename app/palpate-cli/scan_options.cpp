@@ -1,0 +1,165 @@
+#include "scan_options.hpp"
+
+#include "values.hpp"
+
+#include "palpate/core/error.hpp"
+
+#include <cmath>
+#include <limits>
+#include <system_error>
+#include <utility>
+
+namespace palpate::cli {
+namespace {
+
+const std::vector<std::string> later_filters{
+    "mean",          "bilateral", "gradient-diffusion", "curvature-diffusion", "curvature-flow",
+    "patch-denoise", "adaptive"};
+
+model::CropBox parse_crop(const std::string& text) {
+  const auto ranges = split(text, ',');
+  if (ranges.size() != 3)
+    core::throw_usage("three voxel ranges I0:I1,J0:J1,K0:K1 are needed, not \"" + text + "\".");
+  model::CropBox box;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto ends = split(ranges[axis], ':');
+    if (ends.size() != 2) core::throw_usage("a range is FIRST:END, not \"" + ranges[axis] + "\".");
+    constexpr int most = std::numeric_limits<int>::max();
+    box.begin[axis] = static_cast<int>(parse_whole(ends[0], 0, most));
+    box.end[axis] = static_cast<int>(parse_whole(ends[1], 0, most));
+    if (box.begin[axis] >= box.end[axis])
+      core::throw_usage("the range \"" + ranges[axis] +
+                        "\" is empty; its end must lie beyond its first voxel.");
+  }
+  return box;
+}
+
+void parse_threshold(const std::string& text, model::TissueParameters& tissue) {
+  constexpr double most = 1e12;
+  const auto ends = split(text, ':');
+  if (ends.size() > 2) core::throw_usage("LOW or LOW:HIGH is needed, not \"" + text + "\".");
+  const double low = parse_number(ends[0], -most, most);
+  tissue.threshold_low = low;
+  tissue.threshold_high = std::numeric_limits<double>::infinity();
+  if (ends.size() == 1) return;
+  tissue.threshold_high = parse_number(ends[1], -most, most);
+  if (tissue.threshold_high < low)
+    core::throw_usage("the upper threshold lies below the lower one in \"" + text + "\".");
+}
+
+}  // namespace
+
+void add_reading_options(OptionSet& options, ScanOptions& scan) {
+  auto& input = scan.recipe.input;
+  options.section("Scan");
+  options.text("--series", "UID", "the series to take where a folder holds several", input.series_uid);
+  options.value("--frame", "K", "the frame to take, counted from 0 (default 0)",
+                [&](const std::string& text) {
+                  input.frame = static_cast<int>(parse_whole(text, 0, 1000000));
+                  scan.frame_given = true;
+                });
+  options.value("--spacing", "X,Y,Z", "voxel spacing in mm, instead of what the file says",
+                [&](const std::string& text) { input.spacing_mm = parse_three(text, 1e-6, 1e6); });
+  options.flag("--allow-truncated", "read a file that ends too early; what is missing is zero",
+               input.allow_truncated);
+  options.later({"--orientation", "--grid-spacing"});
+}
+
+void add_scan_options(OptionSet& options, ScanOptions& scan) {
+  add_reading_options(options, scan);
+  options.value("--filter", "NAME[:key=value,...]", "a filter; repeat it for a chain (see filter --list)",
+                [&](const std::string& text) {
+                  if (!std::exchange(scan.filters_given, true)) scan.recipe.filters.clear();
+                  const std::string name = text.substr(0, text.find(':'));
+                  std::vector<std::string> names;
+                  for (const auto& filter : imaging::filters()) names.push_back(filter.name);
+                  parse_choice(name, names, later_filters);
+                  scan.recipe.filters.push_back(imaging::parse_filter(text));
+                });
+  options.value("--crop", "I0:I1,J0:J1,K0:K1", "only these voxels; the ends are not included",
+                [&](const std::string& text) { scan.recipe.tissue.crop = parse_crop(text); });
+}
+
+void add_tissue_options(OptionSet& options, ScanOptions& scan) {
+  auto& tissue = scan.recipe.tissue;
+  options.section("Tissue");
+  options.value("--threshold", "LOW[:HIGH]", "voxels that are tissue (default: Otsu's threshold and above)",
+                [&](const std::string& text) { parse_threshold(text, tissue); });
+  options.value(
+      "--stride", "N", "every N-th voxel along each axis (default 1)",
+      [&](const std::string& text) { tissue.stride = static_cast<int>(parse_whole(text, 1, 1024)); });
+  options.value("--noise", "A", "random shift of each point, in parts of the spacing, 0 to 0.5 (default 0.1)",
+                [&](const std::string& text) { tissue.noise = parse_number(text, 0.0, 0.5); });
+  options.value("--seed", "S", "of the random shift (default 1)",
+                [&](const std::string& text) { tissue.seed = parse_seed(text); });
+  options.value("--links", "six|nearest", "axis neighbours, or mutual nearest points (default nearest)",
+                [&](const std::string& text) {
+                  const auto word = parse_choice(text, {"six", "nearest"}, {"lattice18", "lattice26"});
+                  tissue.links = word == "six" ? model::LinkRule::six : model::LinkRule::nearest;
+                });
+  options.value(
+      "--max-links", "N", "nearest points that count, 1 to 64 (default 12)",
+      [&](const std::string& text) { tissue.max_links = static_cast<int>(parse_whole(text, 1, 64)); });
+  options.value("--min-component", "N", "pieces with fewer points are dropped (default 1)",
+                [&](const std::string& text) {
+                  tissue.min_component =
+                      static_cast<std::size_t>(parse_whole(text, 0, std::int64_t{1} << 40));
+                });
+  options.later({"--mask"});
+}
+
+void take_path(ScanOptions& scan, const std::string& command) {
+  if (!scan.paths.empty()) scan.recipe.input.path = scan.paths.front();
+  if (scan.recipe.input.path.empty())
+    core::throw_usage(command + " needs a scan: a file or a folder. See palpate-cli " + command + " --help.");
+}
+
+imaging::ReadOptions read_options(const ScanOptions& scan) {
+  const auto& input = scan.recipe.input;
+  imaging::ReadOptions options;
+  options.series_uid = input.series_uid;
+  if (scan.frame_given) options.frame = input.frame;
+  options.spacing_mm = input.spacing_mm;
+  options.allow_truncated = input.allow_truncated;
+  return options;
+}
+
+Prepared prepare_volume(ScanOptions& scan, Console& console, const core::Progress& progress) {
+  auto& input = scan.recipe.input;
+  Prepared prepared;
+  auto sequence = session::read_input(input, progress.part(0.0, 0.6));
+  // After reading, so that a missing file is told in the reader's words.
+  const auto sum = session::file_sha256(input.path, progress.part(0.6, 0.7));
+  if (!input.sha256.empty() && input.sha256 != sum)
+    console.warn(
+        {"input-changed",
+         input.path.string() + " is not the file that the recipe was made with: its checksum differs."});
+  input.sha256 = sum;
+  prepared.info = std::move(sequence.info);
+  console.warn(prepared.info.warnings);
+  prepared.filtered =
+      session::filter_volume(sequence.frames.front(), scan.recipe.filters, progress.part(0.7, 1.0));
+  return prepared;
+}
+
+Prepared prepare_tissue(ScanOptions& scan, Console& console, const core::Progress& progress) {
+  Prepared prepared = prepare_volume(scan, console, progress.part(0.0, 0.5));
+  prepared.tissue = session::build_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 1.0));
+  return prepared;
+}
+
+void prepare_surface(Prepared& prepared, const ScanOptions& scan, bool needed, Console& console,
+                     const core::Progress& progress) {
+  try {
+    prepared.surface = session::build_surface(prepared.filtered, prepared.tissue, scan.recipe, progress);
+  } catch (const core::Error& error) {
+    if (needed || error.kind() != core::ErrorKind::input) throw;
+    console.warn(error.code(), std::string("Shown without a surface. ") + error.what());
+  }
+}
+
+Json list_of(const Eigen::Vector3d& vector) {
+  return Json::array({number(vector.x()), number(vector.y()), number(vector.z())});
+}
+
+}  // namespace palpate::cli
