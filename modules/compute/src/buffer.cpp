@@ -38,7 +38,8 @@ Buffer::Buffer() = default;
 Buffer::Buffer(Buffer&&) noexcept = default;
 
 Buffer& Buffer::operator=(Buffer&& other) noexcept {
-  std::swap(impl_, other.impl_);
+  Buffer taken(std::move(other));
+  std::swap(impl_, taken.impl_);
   return *this;
 }
 

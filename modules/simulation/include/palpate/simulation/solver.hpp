@@ -1,14 +1,15 @@
 #pragma once
 
+#include "palpate/compute/buffer.hpp"
+#include "palpate/model/tissue.hpp"
+#include "palpate/simulation/parameters.hpp"
+
 #include <Eigen/Core>
+
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "palpate/compute/buffer.hpp"
-#include "palpate/model/tissue.hpp"
-#include "palpate/simulation/parameters.hpp"
 
 namespace palpate::simulation {
 
@@ -50,20 +51,27 @@ class Solver {
   virtual void step(int count, double step_s) = 0;
   /// Replaces the held points. With an empty list all are free again. The
   /// velocity of a point held with alpha is scaled by (1 - alpha) at once.
+  /// A point listed twice counts with its last selectance. Throws
+  /// Error(internal) for a point that is not there, Error(usage) for an alpha
+  /// outside [0, 1].
   virtual void hold(const std::vector<HeldPoint>& held) = 0;
-  /// u, LPS, for the steps to come; zero at rest.
+  /// u, LPS, for the steps to come; zero at rest. Coming to rest scales the
+  /// velocity of each held point by (1 - alpha) once more, so that no stale
+  /// grab velocity feeds the dampers.
   virtual void set_grab_velocity(const Eigen::Vector3d& mm_per_s) = 0;
   virtual void set_parameters(const Parameters& parameters) = 0;
   virtual const Parameters& parameters() const = 0;
 
-  virtual State state() const = 0;            ///< waits for the queue
-  virtual void set_state(const State&) = 0;   ///< sizes must agree; Error(internal)
-  virtual void save_snapshot() = 0;           ///< kept beside the state, on the device
-  virtual void restore_snapshot() = 0;        ///< of the last save, time included
+  virtual State state() const = 0;           ///< waits for the queue
+  virtual void set_state(const State&) = 0;  ///< sizes must agree; Error(internal)
+  virtual void save_snapshot() = 0;          ///< kept beside the state, on the device
+  virtual void restore_snapshot() = 0;       ///< of the last save, time included; Error(internal) without one
   virtual double time_s() const = 0;
-  virtual Health health() = 0;                ///< waits for the queue
+  virtual Health health() = 0;  ///< waits for the queue
   /// Sums in double over state(); host-side.
   Energy energy() const;
+  /// Diagonal of the box around the points at rest; what is far is measured by it.
+  double extent_mm() const noexcept { return extent_mm_; }
   /// The device's positions, four floats a point (x, y, z, unused), for the
   /// surface; null for the reference solver.
   virtual const compute::Buffer* positions_buffer() const = 0;
@@ -73,11 +81,12 @@ class Solver {
   virtual std::size_t bytes() const = 0;   ///< of device memory
 
  protected:
-  explicit Solver(std::shared_ptr<const model::Tissue> tissue) : tissue_(std::move(tissue)) {}
+  explicit Solver(std::shared_ptr<const model::Tissue> tissue);
   const model::Tissue& tissue() const noexcept { return *tissue_; }
 
  private:
   std::shared_ptr<const model::Tissue> tissue_;
+  double extent_mm_ = 0.0;
 };
 
 /// kernels/explicit_rk4.cl: separate arrays, explicit links stored column

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <cstddef>
-#include <vector>
-
 #include "palpate/model/tissue.hpp"
 #include "palpate/simulation/parameters.hpp"
+
+#include <cstddef>
+#include <vector>
 
 namespace palpate::simulation {
 
@@ -12,7 +12,7 @@ namespace palpate::simulation {
 /// omega^2 <= max_i 2 lambda_max(S_i), S_i = sum k (n n^T + max(0, 1 - L0/l)(I - n n^T)),
 /// mu = max_i 2 lambda_max(sum c n n^T) + D; RK4: min(2.616/omega, 2.785/mu).
 struct StableStep {
-  double step_s = 0.0;          ///< infinite when there is nothing stiff
+  double step_s = 0.0;  ///< infinite when there is nothing stiff
   double omega_per_s = 0.0;
   std::size_t worst_point = 0;  ///< the point that limits it
 };
