@@ -32,8 +32,10 @@ core::Error output_error(const fs::path& path, const std::string& code, const st
 
 AtomicOutput::AtomicOutput(const fs::path& target) : target_(target) {
   std::error_code failed;
-  if (fs::is_symlink(target_, failed)) target_ = fs::weakly_canonical(target_, failed);
-  if (failed) throw output_error(target, "write-failed", failed.message());
+  if (fs::is_symlink(fs::symlink_status(target_, failed))) {
+    target_ = fs::weakly_canonical(target_, failed);
+    if (failed) throw output_error(target, "write-failed", failed.message());
+  }
   const fs::path folder = target_.has_parent_path() ? target_.parent_path() : fs::path(".");
   const auto status = fs::status(folder, failed);
   if (!fs::exists(status))
@@ -55,7 +57,7 @@ AtomicOutput::~AtomicOutput() {
   fs::remove_all(staging_, ignored);
 }
 
-void AtomicOutput::place(const fs::path& staged_path) const {
+void AtomicOutput::commit(const fs::path& staged_path, const fs::path& place) const {
   std::error_code failed;
   if (fs::is_directory(staged_path, failed)) {
     for (const auto& entry : fs::directory_iterator(staged_path, failed)) sync_file(entry.path(), target_);
@@ -63,7 +65,7 @@ void AtomicOutput::place(const fs::path& staged_path) const {
     sync_file(staged_path, target_);
   }
   if (failed) throw output_error(target_, "write-failed", failed.message());
-  fs::rename(staged_path, target_.parent_path() / staged_path.filename(), failed);
+  fs::rename(staged_path, place, failed);
   if (failed) throw output_error(target_, "write-failed", failed.message());
 }
 

@@ -28,8 +28,8 @@ class AtomicOutput {
   std::filesystem::path staged() const { return staging_ / target_.filename(); }
   /// Where to make a file that goes beside the target.
   std::filesystem::path staged(const std::string& name) const { return staging_ / name; }
-  /// Sends a staged file or folder to the disk and renames it into place.
-  void place(const std::filesystem::path& staged_path) const;
+  /// Sends a staged file or folder to the disk and renames it to `place`.
+  void commit(const std::filesystem::path& staged_path, const std::filesystem::path& place) const;
 
  private:
   std::filesystem::path target_;

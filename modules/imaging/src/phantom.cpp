@@ -28,11 +28,11 @@ constexpr double nearest_mm = 4.0;
 constexpr double furthest_mm = 120.0;
 
 // Grey values before speckle, gain and shadow, which keep the mean.
-constexpr double wall_grey = 148.0;
+constexpr double wall_grey = 157.0;
 constexpr double blood_grey = 19.0;
-constexpr double surroundings_grey = 25.0;
-constexpr double valve_grey = 118.0;
-constexpr double far_wall_grey = 44.0;  ///< right ventricle and left atrium: hints, below any threshold
+constexpr double surroundings_grey = 35.0;
+constexpr double valve_grey = 125.0;
+constexpr double far_wall_grey = 62.0;  ///< right ventricle and left atrium: hints, below any threshold
 
 core::ImageGeometry geometry_of(int size) {
   const double spacing = depth_mm / size;

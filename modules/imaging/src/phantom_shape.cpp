@@ -18,8 +18,8 @@ double papillary_share(double rest_y, double x, double z) {
   const double inverse = 1.0 / std::sqrt(radius_squared);
   const double anterolateral = (0.80 * x + 0.60 * z) * inverse;
   const double posteromedial = (0.28 * x - 0.96 * z) * inverse;
-  // cos(23 deg) is 0.92: a ridge is some 15 mm wide.
-  return HeartShape::papillary_depth * along * smooth_step(0.92, 1.0, std::max(anterolateral, posteromedial));
+  // cos(30 deg) is 0.87: at half its height a ridge is some 15 mm wide.
+  return HeartShape::papillary_depth * along * smooth_step(0.87, 1.0, std::max(anterolateral, posteromedial));
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ class HeartShape {
   static constexpr double inner_radius_mm = 23.5;
   static constexpr double outer_half_mm = 68.0;    ///< long semi-axes
   static constexpr double inner_half_mm = 60.0;    ///< 8 mm of wall at the apex
-  static constexpr double papillary_depth = 0.30;  ///< largest share of the inner radius taken
+  static constexpr double papillary_depth = 0.28;  ///< largest share of the inner radius taken
 
   double base_mm() const noexcept { return length_mm * shortening_; }
   double shortening() const noexcept { return shortening_; }

@@ -5,8 +5,8 @@
 namespace palpate::imaging {
 namespace {
 
-constexpr double pulse_mm = 0.9;               ///< between nodes along the beam
-constexpr double beam_tangent = 0.022;         ///< between nodes across it
+constexpr double pulse_mm = 1.1;               ///< between nodes along the beam
+constexpr double beam_tangent = 0.034;         ///< between nodes across it
 constexpr double mean_root_envelope = 1.0778;  ///< 2^(1/4) Gamma(5/4): of the root of a Rayleigh variable
 
 /// Weights of the quadratic B-spline on three nodes, scaled so that the sum

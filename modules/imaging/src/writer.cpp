@@ -141,7 +141,7 @@ bool came_out_whole(const fs::path& staged, const std::string& ending, const Pix
   return std::memcmp(back.data(), pixels.data, pixels.bytes) == 0;
 }
 
-void write_staged(const AtomicOutput& output, const std::string& ending,
+void write_staged(const AtomicOutput& output, const fs::path& staged, const std::string& ending,
                   const std::vector<core::Volume>& frames, double frame_spacing_s,
                   const WriteOptions& options) {
   const Pixels pixels = pixels_of(frames, options.pixel_type);
@@ -149,12 +149,12 @@ void write_staged(const AtomicOutput& output, const std::string& ending,
   std::string reason;
   try {
     const auto io = io_for(ending);
-    io->SetFileName(output.staged().string());
+    io->SetFileName(staged.string());
     describe(*io, frames.front().geometry(), frames.size(), frame_spacing_s, pixels.type);
     io->SetUseCompression(options.compress);
     io->WriteImageInformation();
     io->Write(pixels.data);
-    whole = came_out_whole(output.staged(), ending, pixels);
+    whole = came_out_whole(staged, ending, pixels);
   } catch (const itk::ExceptionObject& error) {
     reason = error.GetDescription();
   }
@@ -195,15 +195,19 @@ void write(const fs::path& path, const std::vector<core::Volume>& frames, double
   if (fs::exists(existing) && !fs::is_regular_file(existing))
     throw output_error(path, "not-a-file", "what is there is not an ordinary file");
 
-  write_staged(output, ending, frames, frame_spacing_s, options);
+  // ITK knows its formats by endings in small letters only.
+  std::string name = output.target().filename().string();
+  name.replace(name.size() - ending.size(), ending.size(), ending);
+  const fs::path staged = output.staged(name);
+  write_staged(output, staged, ending, frames, frame_spacing_s, options);
   progress.report(1.0, what);  // the last place to stop: from here it is put in place whole
   // The header goes last: while it is not there, nobody looks for its data.
   if (ending == ".mhd")
     for (const char* data_ending : {".raw", ".zraw"}) {
-      const fs::path data = fs::path(output.staged()).replace_extension(data_ending);
-      if (fs::exists(data, ignored)) output.place(data);
+      const fs::path data = fs::path(staged).replace_extension(data_ending);
+      if (fs::exists(data, ignored)) output.commit(data, output.target().parent_path() / data.filename());
     }
-  output.place(output.staged());
+  output.commit(staged, output.target());
 }
 
 }  // namespace palpate::imaging

@@ -20,18 +20,20 @@
 #include <string>
 #include <vector>
 
-// The SOP class is Secondary Capture with an Image Plane module, conversion
-// type SYN (synthetic): the one single-slice class that tells the truth about
-// a computed volume. MR or CT Image Storage would claim a scanner that never
-// was, and Ultrasound Image Storage has no Image Plane module, so a reader may
-// leave its positions out.
+// The SOP class is MR Image Storage, in research mode, although the modality
+// says ultrasound: it is a class of single slices whose Image Plane module
+// (position, orientation, spacing) every reader takes. The Ultrasound Image
+// class has no such module, and Secondary Capture, which would say more
+// honestly that the volume is synthetic, loses its geometry in GDCM 3.0, so
+// in each program built on it. The image type, the sequence and the
+// description say that no scanner made it.
 
 namespace palpate::imaging {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* secondary_capture_class = "1.2.840.10008.5.1.4.1.1.7";
+constexpr const char* mr_image_class = "1.2.840.10008.5.1.4.1.1.4";
 
 /// 128 bits of the content, by FNV-1a's scheme with a final mixing.
 class ContentHash {
@@ -122,49 +124,47 @@ class Attributes {
   gdcm::DataSet& set_;
 };
 
-/// How values become stored numbers: 8 bits where they are whole and fit, so
-/// nothing is lost, otherwise 16 bits over the volume's range.
+/// How values become 16-bit numbers: as they are where they are whole and
+/// fit, so nothing is lost, otherwise spread over the volume's range.
 struct Storage {
-  int bits = 8;
+  bool rescaled = false;
   double slope = 1.0;
   double intercept = 0.0;
 };
 
 Storage storage_for(const core::Volume& volume) {
   const bool fits = std::all_of(volume.data(), volume.data() + volume.size(), [](float value) {
-    return value >= 0.0F && value <= 255.0F && value == std::floor(value);
+    return value >= 0.0F && value <= 65535.0F && value == std::floor(value);
   });
   if (fits) return {};
   const double span = static_cast<double>(volume.range().max) - static_cast<double>(volume.range().min);
-  return {16, span > 0.0 ? span / 65535.0 : 1.0, volume.range().min};
+  return {true, span > 0.0 ? span / 65535.0 : 1.0, volume.range().min};
 }
 
 std::vector<char> stored_slice(const core::Volume& volume, const Storage& storage, int k) {
   const auto count = static_cast<std::size_t>(volume.dims()[0]) * static_cast<std::size_t>(volume.dims()[1]);
   const float* const first = volume.data() + volume.geometry().index(0, 0, k);
   std::vector<char> stored;
-  stored.reserve(count * static_cast<std::size_t>(storage.bits) / 8 + 1);
+  stored.reserve(2 * count);
   for (std::size_t n = 0; n < count; ++n) {
-    const auto value = static_cast<unsigned>(
-        std::clamp(std::floor((first[n] - storage.intercept) / storage.slope + 0.5), 0.0, 65535.0));
+    const double number = (static_cast<double>(first[n]) - storage.intercept) / storage.slope;
+    const auto value = static_cast<unsigned>(std::clamp(std::floor(number + 0.5), 0.0, 65535.0));
     stored.push_back(static_cast<char>(value & 0xFFU));
-    if (storage.bits == 16) stored.push_back(static_cast<char>(value >> 8U));
+    stored.push_back(static_cast<char>(value >> 8U));
   }
-  if (stored.size() % 2 != 0) stored.push_back('\0');
   return stored;
 }
 
 void add_identity(Attributes& set, const ContentHash& hash, int k) {
   using gdcm::VR;
   set.text(0x0008, 0x0005, VR::CS, "ISO_IR 192");
-  set.text(0x0008, 0x0008, VR::CS, "DERIVED\\SECONDARY");
-  set.text(0x0008, 0x0016, VR::UI, secondary_capture_class);
+  set.text(0x0008, 0x0008, VR::CS, "DERIVED\\SECONDARY\\OTHER");
+  set.text(0x0008, 0x0016, VR::UI, mr_image_class);
   set.text(0x0008, 0x0018, VR::UI, hash.uid(3 + static_cast<std::uint64_t>(k)));
   set.text(0x0008, 0x0020, VR::DA, "");
   set.text(0x0008, 0x0030, VR::TM, "");
   set.text(0x0008, 0x0050, VR::SH, "");
   set.text(0x0008, 0x0060, VR::CS, "US");
-  set.text(0x0008, 0x0064, VR::CS, "SYN");
   set.text(0x0008, 0x0070, VR::LO, "Palpate");
   set.text(0x0008, 0x0090, VR::PN, "");
   set.text(0x0008, 0x103E, VR::LO, "Synthetic volume");
@@ -172,6 +172,13 @@ void add_identity(Attributes& set, const ContentHash& hash, int k) {
   set.text(0x0010, 0x0020, VR::LO, "PHANTOM");
   set.text(0x0010, 0x0030, VR::DA, "");
   set.text(0x0010, 0x0040, VR::CS, "O");
+  set.text(0x0018, 0x0020, VR::CS, "RM");
+  set.text(0x0018, 0x0021, VR::CS, "NONE");
+  set.text(0x0018, 0x0022, VR::CS, "");
+  set.text(0x0018, 0x0023, VR::CS, "3D");
+  set.text(0x0018, 0x0080, VR::DS, "");
+  set.text(0x0018, 0x0081, VR::DS, "");
+  set.text(0x0018, 0x0091, VR::IS, "");
   set.text(0x0020, 0x000D, VR::UI, hash.uid(0));
   set.text(0x0020, 0x000E, VR::UI, hash.uid(1));
   set.text(0x0020, 0x0010, VR::SH, "1");
@@ -203,19 +210,21 @@ void add_pixels(Attributes& set, const core::Volume& volume, const Storage& stor
   set.text(0x0028, 0x0004, VR::CS, "MONOCHROME2");
   set.number(0x0028, 0x0010, volume.dims()[1]);
   set.number(0x0028, 0x0011, volume.dims()[0]);
-  set.number(0x0028, 0x0100, storage.bits);
-  set.number(0x0028, 0x0101, storage.bits);
-  set.number(0x0028, 0x0102, storage.bits - 1);
+  set.number(0x0028, 0x0100, 16);
+  set.number(0x0028, 0x0101, 16);
+  set.number(0x0028, 0x0102, 15);
   set.number(0x0028, 0x0103, 0);
-  const double low = storage.bits == 8 ? 0.0 : static_cast<double>(volume.range().min);
-  const double high = storage.bits == 8 ? 255.0 : static_cast<double>(volume.range().max);
+  const auto low = static_cast<double>(volume.range().min);
+  const auto high = static_cast<double>(volume.range().max);
   set.text(0x0028, 0x1050, VR::DS, decimal_string((low + high) / 2.0));
   set.text(0x0028, 0x1051, VR::DS, decimal_string(std::max(high - low, 1.0)));
-  set.text(0x0028, 0x1052, VR::DS, decimal_string(storage.intercept));
-  set.text(0x0028, 0x1053, VR::DS, decimal_string(storage.slope));
-  set.text(0x0028, 0x1054, VR::LO, "US");
+  if (storage.rescaled) {
+    set.text(0x0028, 0x1052, VR::DS, decimal_string(storage.intercept));
+    set.text(0x0028, 0x1053, VR::DS, decimal_string(storage.slope));
+    set.text(0x0028, 0x1054, VR::LO, "US");
+  }
   const auto stored = stored_slice(volume, storage, k);
-  set.bytes(0x7FE0, 0x0010, storage.bits == 8 ? VR::OB : VR::OW, stored.data(), stored.size());
+  set.bytes(0x7FE0, 0x0010, VR::OW, stored.data(), stored.size());
 }
 
 void write_slice(const fs::path& path, const fs::path& target, const core::Volume& volume,
@@ -273,7 +282,7 @@ void write_dicom_series(const fs::path& folder, const core::Volume& volume, cons
     write_slice(output.staged() / name.data(), output.target(), volume, storage, hash, k);
     progress.report(static_cast<double>(k + 1) / dims[2], what);
   }
-  output.place(output.staged());
+  output.commit(output.staged(), output.target());
 }
 
 }  // namespace palpate::imaging

@@ -1,0 +1,3 @@
+#include "palpate/imaging/phantom.hpp"
+
+#include <gtest/gtest.h>
