@@ -49,6 +49,9 @@ std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths
                                  const ReadOptions& options = {}, const core::Progress& progress = {},
                                  const ReaderLimits& limits = {});
 
+/// The VOLUME object of docs/cli.md as one line of JSON.
+std::string volume_info_json(const core::VolumeInfo& info);
+
 /// What the child does: parses without any protection. For palpate-reader only.
 core::VolumeSequence parse_unprotected(const std::filesystem::path& path, const ReadOptions& options,
                                        const core::Progress& progress);

@@ -1,0 +1,122 @@
+#include "series.hpp"
+
+#include "parsed.hpp"
+#include "process.hpp"
+
+#include <algorithm>
+#include <map>
+
+namespace palpate::imaging::reading {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The files of a folder and its folders, in the order of their names. Links
+/// to folders are not followed: they may lead in a circle.
+void walk(const fs::path& folder, std::vector<fs::path>& files, const core::Progress& progress) {
+  progress.cancel().check();
+  std::vector<fs::path> here;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, fs::directory_options::skip_permission_denied, error), end;
+       !error && entry != end; entry.increment(error))
+    here.push_back(entry->path());
+  std::sort(here.begin(), here.end());
+  for (const auto& path : here) {
+    const auto status = fs::status(path, error);
+    if (fs::is_directory(status)) {
+      if (!fs::is_symlink(path, error)) walk(path, files, progress);
+    } else if (fs::is_regular_file(status)) {
+      files.push_back(path);
+    }
+  }
+}
+
+using Files = std::vector<fs::path>;
+
+/// Looks at files [from, to) in one child; where that dies, at each half in its own.
+void scan(const Files& files, std::size_t from, std::size_t to, std::vector<DicomGlance>& seen,
+          Survey& survey, const core::Progress& progress, const ReaderLimits& limits) {
+  try {
+    const Files part(files.begin() + static_cast<std::ptrdiff_t>(from),
+                     files.begin() + static_cast<std::ptrdiff_t>(to));
+    const ReaderReply reply =
+        run_reader(ReaderTask::scan, part, part.front(), {}, core::Progress({}, progress.cancel()), limits);
+    const auto& list = reply.result.at("files");
+    if (list.size() != part.size())
+      fail("reader-crashed", part.front(), "the reader's answer makes no sense.");
+    for (std::size_t n = 0; n < part.size(); ++n) {
+      DicomGlance& glance = seen[from + n];
+      glance.dicom = list[n].at("dicom").get<bool>();
+      glance.image = list[n].at("image").get<bool>();
+      glance.slice = list[n].at("slice").get<bool>();
+      glance.series_uid = list[n].at("series_uid").get<std::string>().substr(0, 100);
+      glance.modality = list[n].at("modality").get<std::string>().substr(0, 20);
+      glance.size = list[n].at("size").get<std::string>().substr(0, 100);
+    }
+  } catch (const core::Error& error) {
+    if (error.kind() == core::ErrorKind::cancelled || error.code() == "reader-missing") throw;
+    if (to - from == 1) {
+      survey.broken.emplace_back(files[from], error);
+      return;
+    }
+    const std::size_t middle = from + (to - from) / 2;
+    scan(files, from, middle, seen, survey, progress, limits);
+    scan(files, middle, to, seen, survey, progress, limits);
+  } catch (const nlohmann::json::exception& error) {
+    fail("reader-crashed", files[from], "the reader's answer makes no sense.", error.what());
+  }
+}
+
+void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& survey) {
+  std::map<std::pair<fs::path, std::string>, std::size_t> slices_of;
+  for (std::size_t n = 0; n < files.size(); ++n) {
+    const DicomGlance& glance = seen[n];
+    const bool broken = std::any_of(survey.broken.begin(), survey.broken.end(),
+                                    [&](const auto& b) { return b.first == files[n]; });
+    if (broken) continue;
+    if (!glance.dicom) {
+      survey.others.push_back(files[n]);
+      continue;
+    }
+    if (glance.slice && !glance.series_uid.empty()) {
+      const auto [place, added] =
+          slices_of.try_emplace({files[n].parent_path(), glance.series_uid}, survey.series.size());
+      if (!added) {
+        survey.series[place->second].files.push_back(files[n]);
+        continue;
+      }
+    }
+    survey.series.push_back({glance.series_uid, glance.modality, glance.size, glance.image, {files[n]}});
+  }
+}
+
+}  // namespace
+
+Survey look_through(const std::vector<fs::path>& paths, const core::Progress& progress,
+                    const ReaderLimits& limits) {
+  Survey survey;
+  Files candidates;
+  for (const auto& path : paths) {
+    std::error_code error;
+    const auto status = fs::status(path, error);
+    Files files;
+    if (fs::is_directory(status))
+      walk(path, files, progress);
+    else if (fs::is_regular_file(status))
+      files.push_back(path);
+    else
+      survey.missing.push_back(path);
+    for (const auto& file : files)
+      (format_of(file) == Format::dicom ? candidates : survey.others).push_back(file);
+  }
+  std::vector<DicomGlance> seen(candidates.size());
+  constexpr std::size_t at_once = 256;  // a report of progress a child
+  for (std::size_t from = 0; from < candidates.size(); from += at_once) {
+    progress.report(static_cast<double>(from) / static_cast<double>(candidates.size()), "Looking for series");
+    scan(candidates, from, std::min(candidates.size(), from + at_once), seen, survey, progress, limits);
+  }
+  group(candidates, seen, survey);
+  return survey;
+}
+
+}  // namespace palpate::imaging::reading
