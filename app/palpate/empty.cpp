@@ -1,1 +1,0 @@
-// Replaced by the window's sources.

@@ -1,0 +1,72 @@
+#include "message_bar.hpp"
+
+#include <QClipboard>
+#include <QCoreApplication>
+#include <QGuiApplication>
+#include <QStyle>
+
+#include "icons.hpp"
+#include "theme.hpp"
+#include "ui_message_bar.h"
+
+namespace palpate::gui {
+
+MessageBar::MessageBar(QWidget* parent) : QFrame(parent), ui_(std::make_unique<Ui::MessageBar>()) {
+  ui_->setupUi(this);
+  ui_->messageClose->setIcon(icon("close"));
+  ui_->messageCopyButton->setIcon(icon("copy"));
+  ui_->messageDetails->hide();
+  hide();
+  connect(ui_->messageClose, &QToolButton::clicked, this, &QWidget::hide);
+  connect(ui_->messageDetailsButton, &QPushButton::toggled, ui_->messageDetails, &QWidget::setVisible);
+  connect(ui_->messageCopyButton, &QPushButton::clicked, this, &MessageBar::copy);
+  connect(ui_->messageOffer, &QPushButton::clicked, this, [this] {
+    hide();
+    emit referenceRequested();
+  });
+}
+
+MessageBar::~MessageBar() = default;
+
+void MessageBar::show_kind(const char* kind, const char* icon_name, const QColor& color, const QString& text) {
+  setProperty("kind", QString::fromLatin1(kind));
+  style()->unpolish(this);
+  style()->polish(this);
+  ui_->messageIcon->setPixmap(icon_pixmap(icon_name, color, 20, devicePixelRatioF()));
+  ui_->messageIcon->setAccessibleName(QString::fromLatin1(kind));
+  ui_->messageText->setText(text);
+  ui_->messageDetailsButton->setChecked(false);
+  show();
+}
+
+void MessageBar::show_problem(const Problem& problem) {
+  problem_ = problem;
+  ui_->messageOffer->setVisible(problem.offer == Problem::Offer::reference_device);
+  ui_->messageDetailsButton->setVisible(!problem.details.isEmpty());
+  ui_->messageCopyButton->show();
+  ui_->messageDetails->setPlainText(problem.details);
+  if (problem.warning) {
+    show_kind("warning", "warning", colors::amber, problem.text);
+  } else {
+    show_kind("error", "error", colors::red, problem.text);
+  }
+}
+
+void MessageBar::show_info(const QString& text) {
+  problem_ = {};
+  problem_.text = text;
+  ui_->messageOffer->hide();
+  ui_->messageDetailsButton->hide();
+  ui_->messageCopyButton->hide();
+  show_kind("info", "info", colors::accent, text);
+}
+
+void MessageBar::copy() const {
+  QString report = QStringLiteral("Palpate %1\n").arg(QCoreApplication::applicationVersion());
+  report += problem_.text;
+  if (!problem_.code.isEmpty()) report += QStringLiteral("\ncode: ") + problem_.code;
+  if (!problem_.details.isEmpty()) report += QStringLiteral("\n\n") + problem_.details;
+  QGuiApplication::clipboard()->setText(report + QLatin1Char('\n'));
+}
+
+}  // namespace palpate::gui

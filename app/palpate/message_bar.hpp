@@ -1,0 +1,35 @@
+#pragma once
+
+#include <QFrame>
+#include <memory>
+
+#include "workbench.hpp"
+
+namespace Ui {
+class MessageBar;
+}
+
+namespace palpate::gui {
+
+/// One sentence above the views, with details for who wants them.
+class MessageBar : public QFrame {
+  Q_OBJECT
+
+ public:
+  explicit MessageBar(QWidget* parent = nullptr);
+  ~MessageBar() override;
+  void show_problem(const Problem& problem);
+  void show_info(const QString& text);
+
+ signals:
+  void referenceRequested();
+
+ private:
+  void show_kind(const char* kind, const char* icon_name, const QColor& color, const QString& text);
+  void copy() const;
+
+  std::unique_ptr<Ui::MessageBar> ui_;
+  Problem problem_;
+};
+
+}  // namespace palpate::gui

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <QWidget>
+#include <memory>
+
+#include "workbench.hpp"
+
+namespace Ui {
+class SimulatePanel;
+}
+
+namespace palpate::gui {
+
+/// Step 4: the physics, the grab and where it runs.
+class SimulatePanel : public QWidget {
+  Q_OBJECT
+
+ public:
+  SimulatePanel(Workbench& workbench, QWidget* parent = nullptr);
+  ~SimulatePanel() override;
+
+ private:
+  void take_settings();
+  void take_grab();
+  void show_settings();
+  void refresh();
+
+  Workbench& workbench_;
+  std::unique_ptr<Ui::SimulatePanel> ui_;
+  bool filling_ = false;
+};
+
+}  // namespace palpate::gui

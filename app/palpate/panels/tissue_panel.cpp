@@ -1,0 +1,188 @@
+#include "panels/tissue_panel.hpp"
+
+#include <cmath>
+
+#include "panels/more_button.hpp"
+#include "text.hpp"
+#include "ui_tissue_panel.h"
+
+namespace palpate::gui {
+namespace {
+
+const QString about = QStringLiteral("≈ ");
+constexpr int slider_steps = 1000;
+
+}  // namespace
+
+TissuePanel::TissuePanel(Workbench& workbench, QWidget* parent)
+    : QWidget(parent), workbench_(workbench), ui_(std::make_unique<Ui::TissuePanel>()) {
+  ui_->setupUi(this);
+  crop_ = {{{ui_->cropIBegin, ui_->cropIEnd}, {ui_->cropJBegin, ui_->cropJEnd}, {ui_->cropKBegin, ui_->cropKEnd}}};
+  wire_more(ui_->moreButton, ui_->moreBox);
+  ui_->thresholdSlider->setRange(0, slider_steps);
+  ui_->cropBox->hide();
+  wire();
+  show_waiting(QString());
+  show_note();
+  setEnabled(false);
+}
+
+TissuePanel::~TissuePanel() = default;
+
+void TissuePanel::wire() {
+  const auto take = [this] { take_parameters(); };
+  connect(ui_->thresholdAuto, &QCheckBox::toggled, this, take);
+  connect(ui_->thresholdSpin, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, take);
+  connect(ui_->thresholdSlider, &QSlider::valueChanged, this, [this](int slider) {
+    if (filling_) return;
+    ui_->thresholdAuto->setChecked(false);  // who moves it wants this one
+    ui_->thresholdSpin->setValue(slider_to_value(slider));
+  });
+  for (auto* box : {ui_->thresholdHigh, ui_->noiseSpin}) {
+    connect(box, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, take);
+  }
+  for (auto* box : {ui_->strideSpin, ui_->maxLinksSpin, ui_->minComponentSpin, ui_->seedSpin}) {
+    connect(box, QOverload<int>::of(&QSpinBox::valueChanged), this, take);
+  }
+  for (const auto& axis : crop_) {
+    for (auto* box : axis) connect(box, QOverload<int>::of(&QSpinBox::valueChanged), this, take);
+  }
+  connect(ui_->linksCombo, QOverload<int>::of(&QComboBox::currentIndexChanged), this, take);
+  connect(ui_->cropCheck, &QCheckBox::toggled, this, [this](bool on) {
+    ui_->cropBox->setVisible(on);
+    take_parameters();
+  });
+  connect(ui_->faceBudgetSpin, QOverload<int>::of(&QSpinBox::valueChanged), this, [this](int faces) {
+    workbench_.set_face_budget(faces);
+    changed_since_built_ = true;
+    show_note();
+  });
+  connect(ui_->buildButton, &QPushButton::clicked, &workbench_, &Workbench::build_tissue);
+  connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::set_ranges);
+  connect(&workbench_, &Workbench::volumeFiltered, this, &TissuePanel::set_ranges);
+  connect(&workbench_, &Workbench::estimateStarted, this, [this] { show_waiting(tr("Counting…")); });
+  connect(&workbench_, &Workbench::tissueEstimated, this, &TissuePanel::show_estimate);
+  connect(&workbench_, &Workbench::estimateFailed, this, [this](const QString& why) { show_waiting(why); });
+  connect(&workbench_, &Workbench::tissueBuilt, this, &TissuePanel::show_built);
+  connect(&workbench_, &Workbench::tissueDropped, this, &TissuePanel::show_note);
+}
+
+// The ranges of the volume that is there; what the user chose stays where it fits.
+void TissuePanel::set_ranges() {
+  filling_ = true;
+  setEnabled(true);
+  const auto& range = workbench_.filtered().range();
+  const auto& tissue = workbench_.recipe().tissue;
+  const double span = static_cast<double>(range.max) - range.min;
+  const int decimals = span > 20.0 ? 0 : 3;
+  for (auto* box : {ui_->thresholdSpin, ui_->thresholdHigh}) {
+    box->setDecimals(decimals);
+    box->setSingleStep(decimals == 0 ? 1.0 : span / 100.0);
+    box->setRange(range.min, std::max<double>(range.max, range.min));
+  }
+  ui_->thresholdAuto->setChecked(!tissue.threshold_low.has_value());
+  if (!std::isfinite(tissue.threshold_high)) ui_->thresholdHigh->setValue(range.max);
+  ui_->minComponentSpin->setValue(static_cast<int>(tissue.min_component));
+  if (!tissue.crop) {
+    ui_->cropCheck->setChecked(false);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int last = workbench_.volume().dims()[axis] - 1;
+      for (auto* box : crop_[axis]) box->setRange(0, last);
+      crop_[axis][0]->setValue(0);
+      crop_[axis][1]->setValue(last);
+    }
+  }
+  changed_since_built_ = false;
+  filling_ = false;
+  show_note();
+}
+
+double TissuePanel::slider_to_value(int slider) const {
+  const auto& range = workbench_.filtered().range();
+  return range.min + (static_cast<double>(range.max) - range.min) * slider / slider_steps;
+}
+
+void TissuePanel::show_threshold(double threshold) {
+  filling_ = true;
+  const auto& range = workbench_.filtered().range();
+  const double span = static_cast<double>(range.max) - range.min;
+  ui_->thresholdSpin->setValue(threshold);
+  ui_->thresholdSlider->setValue(span > 0 ? static_cast<int>((threshold - range.min) / span * slider_steps) : 0);
+  filling_ = false;
+}
+
+void TissuePanel::take_parameters() {
+  ui_->thresholdSpin->setEnabled(!ui_->thresholdAuto->isChecked());
+  ui_->maxLinksSpin->setEnabled(ui_->linksCombo->currentIndex() == 0);
+  if (filling_) return;
+  model::TissueParameters tissue;
+  if (!ui_->thresholdAuto->isChecked()) {
+    tissue.threshold_low = ui_->thresholdSpin->value();
+    show_threshold(*tissue.threshold_low);
+  }
+  if (ui_->thresholdHigh->value() < ui_->thresholdHigh->maximum()) tissue.threshold_high = ui_->thresholdHigh->value();
+  tissue.stride = ui_->strideSpin->value();
+  tissue.links = ui_->linksCombo->currentIndex() == 0 ? model::LinkRule::nearest : model::LinkRule::six;
+  tissue.max_links = ui_->maxLinksSpin->value();
+  tissue.min_component = static_cast<std::size_t>(ui_->minComponentSpin->value());
+  tissue.noise = ui_->noiseSpin->value();
+  tissue.seed = static_cast<std::uint64_t>(ui_->seedSpin->value());
+  if (ui_->cropCheck->isChecked()) {
+    model::CropBox crop;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      crop.begin[axis] = crop_[axis][0]->value();
+      crop.end[axis] = std::max(crop_[axis][0]->value(), crop_[axis][1]->value()) + 1;
+    }
+    tissue.crop = crop;
+  }
+  changed_since_built_ = true;
+  workbench_.set_tissue_parameters(tissue);
+  show_note();
+}
+
+void TissuePanel::show_waiting(const QString& text) {
+  for (auto* label :
+       {ui_->pointsValue, ui_->linksValue, ui_->componentsValue, ui_->memoryValue, ui_->stepValue}) {
+    label->setText(QStringLiteral("–"));
+  }
+  ui_->estimateLabel->setText(text);
+}
+
+void TissuePanel::show_estimate() {
+  const auto& estimate = workbench_.estimate();
+  if (!estimate) return;
+  if (ui_->thresholdAuto->isChecked()) show_threshold(estimate->threshold_low);
+  if (workbench_.has_tissue() && !changed_since_built_) return;  // the real ones stand there
+  const auto& statistics = estimate->tissue.statistics;
+  const QString mark = estimate->tissue.sampled ? about : QString();
+  ui_->pointsValue->setText(grouped(statistics.points));
+  ui_->linksValue->setText(mark + (estimate->tissue.sampled ? short_count(static_cast<double>(statistics.links))
+                                                            : grouped(statistics.links)));
+  ui_->componentsValue->setText(mark + grouped(statistics.components));
+  ui_->memoryValue->setText(about + short_bytes(static_cast<double>(statistics.bytes)));
+  ui_->stepValue->setText(about + short_time(estimate->stable_step.step_s));
+  ui_->estimateLabel->setText(tr("≈ is estimated from a part of the tissue."));
+}
+
+void TissuePanel::show_built() {
+  changed_since_built_ = false;
+  const auto& built = *workbench_.tissue();
+  ui_->pointsValue->setText(grouped(built.statistics.points));
+  ui_->linksValue->setText(grouped(built.statistics.links));
+  ui_->componentsValue->setText(grouped(built.statistics.components));
+  ui_->memoryValue->setText(short_bytes(static_cast<double>(built.statistics.bytes)));
+  ui_->stepValue->setText(short_time(built.stable_step.step_s));
+  ui_->estimateLabel->setText(tr("Built in %1.").arg(short_time(built.build_s)));
+  if (ui_->thresholdAuto->isChecked()) show_threshold(built.threshold_low);
+  show_note();
+}
+
+void TissuePanel::show_note() {
+  const bool built = workbench_.has_tissue();
+  ui_->noteLabel->setText(changed_since_built_ ? tr("Building again replaces the tissue that is shown and its pulls.")
+                                               : QString());
+  ui_->noteLabel->setVisible(built && changed_since_built_);
+  ui_->buildButton->setText(built ? tr("Build again") : tr("Build tissue"));
+}
+
+}  // namespace palpate::gui

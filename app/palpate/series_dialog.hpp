@@ -1,0 +1,30 @@
+#pragma once
+
+#include <QDialog>
+#include <memory>
+
+#include "workbench.hpp"
+
+namespace Ui {
+class SeriesDialog;
+}
+
+namespace palpate::gui {
+
+/// Which series of a folder is meant.
+class SeriesDialog : public QDialog {
+  Q_OBJECT
+
+ public:
+  SeriesDialog(const QVector<SeriesChoice>& series, QWidget* parent);
+  ~SeriesDialog() override;
+
+ signals:
+  void seriesChosen(const QString& uid);
+
+ private:
+  void choose();
+  std::unique_ptr<Ui::SeriesDialog> ui_;
+};
+
+}  // namespace palpate::gui

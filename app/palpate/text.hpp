@@ -1,0 +1,20 @@
+#pragma once
+
+#include <QString>
+
+#include "palpate/core/volume.hpp"
+
+namespace palpate::gui {
+
+/// Numbers as people read them: "216 k", "1.2 M", "8.1 ms", "147 × 106 × 104".
+QString short_count(double count);
+QString grouped(qulonglong count);
+QString short_bytes(double bytes);
+QString short_time(double seconds);
+QString short_number(double value, int significant_digits = 3);
+QString describe_dims(const core::ImageGeometry& geometry);
+QString describe_spacing(const core::VolumeInfo& info);
+QString describe_series(const core::VolumeInfo& info);
+QString describe_provenance(core::Provenance provenance);
+
+}  // namespace palpate::gui

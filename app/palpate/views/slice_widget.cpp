@@ -1,0 +1,107 @@
+#include "views/slice_widget.hpp"
+
+#include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkRenderer.h>
+
+#include <algorithm>
+
+namespace palpate::gui {
+
+SliceWidget::SliceWidget(visualization::SlicePlane plane, Workbench& workbench, ViewState& state, QWidget* parent)
+    : GlView(workbench, state, parent), view_(plane) {
+  renderWindow()->AddRenderer(view_.renderer());
+}
+
+// The renderer frees what it holds on the card while the context still lives.
+SliceWidget::~SliceWidget() {
+  makeCurrent();
+  renderWindow()->RemoveRenderer(view_.renderer());
+}
+
+void SliceWidget::update_content() {
+  view_.set_content(workbench_.content());
+  request_render();
+}
+
+void SliceWidget::update_settings() {
+  const int before = view_.slice();
+  view_.set_settings(state_.settings());
+  if (view_.slice() != before) emit sliceChanged();
+  request_render();
+}
+
+void SliceWidget::fit() {
+  view_.fit();
+  request_render();
+}
+
+void SliceWidget::step_slices(int count) { set_slice(view_.slice() + count); }
+
+void SliceWidget::set_slice(int index) {
+  if (!workbench_.has_volume() || view_.slice_count() < 1) return;
+  const int wanted = std::clamp(index, 0, view_.slice_count() - 1);
+  if (wanted != view_.slice()) state_.set_crosshair(view_.crosshair_at_slice(wanted));
+}
+
+// From just before the slice along its normal, so that what is nearest to the
+// ray's start lies in the slice.
+std::optional<interaction::Ray> SliceWidget::ray_through_slice(const QPointF& place) const {
+  if (view_.slice_count() < 2) return std::nullopt;
+  const Eigen::Vector3d step = view_.crosshair_at_slice(1) - view_.crosshair_at_slice(0);
+  if (step.norm() <= 0.0) return std::nullopt;
+  interaction::Ray ray;
+  ray.direction = step.normalized();
+  ray.origin_mm = view_.place_at(place.x(), place.y()) - 0.75 * step;
+  return ray;
+}
+
+void SliceWidget::tool_pressed(const QPointF& place) {
+  if (!workbench_.has_volume()) return;
+  if (state_.tool() == Tool::window_level) return;
+  if (state_.tool() == Tool::grab && workbench_.simulation_ready()) {
+    if (const auto ray = ray_through_slice(place)) {
+      interaction::PickReach reach;
+      reach.cone_half_angle_deg = 0.0;
+      // Four pixels of the slice, but no less than a voxel.
+      const Eigen::Vector3d across =
+          view_.place_at(place.x() + 4.0, place.y()) - view_.place_at(place.x(), place.y());
+      reach.cylinder_radius_mm =
+          std::max(across.norm(), workbench_.volume().geometry().spacing_mm().maxCoeff());
+      grabbing_ = true;
+      workbench_.grab(*ray, reach);
+      return;
+    }
+  }
+  state_.set_crosshair(view_.place_at(place.x(), place.y()));
+}
+
+void SliceWidget::tool_dragged(const QPointF& from, const QPointF& to) {
+  if (!workbench_.has_volume()) return;
+  if (state_.tool() == Tool::window_level) {
+    drag_window_level(from, to);
+  } else if (grabbing_) {
+    if (const auto ray = ray_through_slice(to)) workbench_.drag(*ray);
+  } else {
+    state_.set_crosshair(view_.place_at(to.x(), to.y()));
+  }
+}
+
+void SliceWidget::tool_released() {
+  if (grabbing_) workbench_.release();
+  grabbing_ = false;
+}
+
+void SliceWidget::point_at(const QPointF& place, bool crosshair) {
+  if (!workbench_.has_volume()) return;
+  const Eigen::Vector3d there = view_.place_at(place.x(), place.y());
+  if (crosshair) state_.set_crosshair(there);
+  const Eigen::Vector3d ijk = workbench_.volume().geometry().to_ijk(there);
+  const auto& dims = workbench_.volume().dims();
+  bool inside = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    inside = inside && ijk[axis] >= -0.5 && ijk[axis] < dims[static_cast<std::size_t>(axis)] - 0.5;
+  }
+  emit hovered(inside, there.x(), there.y(), there.z());
+}
+
+}  // namespace palpate::gui

@@ -1,0 +1,90 @@
+#include "views/view_frame.hpp"
+
+#include <QHBoxLayout>
+#include <QLabel>
+#include <QSignalBlocker>
+#include <QSlider>
+#include <QToolButton>
+#include <QVariant>
+#include <QVBoxLayout>
+
+#include "icons.hpp"
+#include "views/slice_widget.hpp"
+
+namespace palpate::gui {
+
+ViewFrame::ViewFrame(const QString& id, const QString& title, const QColor& color, GlView* view, QWidget* parent)
+    : QFrame(parent), view_(view), header_(new QHBoxLayout), maximise_(new QToolButton(this)) {
+  setObjectName(id + QStringLiteral("Frame"));
+  setProperty("block", "viewFrame");
+  setFrameShape(QFrame::NoFrame);
+  view_->setParent(this);
+  view_->setObjectName(id + QStringLiteral("View"));
+  view_->setAccessibleName(tr("%1 view").arg(title));
+
+  auto* edge = new QFrame(this);
+  edge->setFixedHeight(2);
+  edge->setStyleSheet(QStringLiteral("background: %1;").arg(color.name()));
+
+  auto* name = new QLabel(title, this);
+  name->setStyleSheet(QStringLiteral("color: %1; font-weight: 600;").arg(color.name()));
+  maximise_->setObjectName(id + QStringLiteral("Maximise"));
+  maximise_->setAutoRaise(true);
+  maximise_->setIconSize({16, 16});
+  maximise_->setAccessibleName(tr("Show only the %1 view").arg(title));
+  header_->setContentsMargins(8, 0, 4, 0);
+  header_->setSpacing(4);
+  header_->addWidget(name);
+  header_->addStretch();
+  header_->addWidget(maximise_);
+
+  auto* row = new QHBoxLayout;
+  row->setContentsMargins(0, 0, 0, 0);
+  row->setSpacing(0);
+  row->addWidget(view_, 1);
+  add_slider(id, row);
+
+  auto* column = new QVBoxLayout(this);
+  column->setContentsMargins(0, 0, 0, 0);
+  column->setSpacing(0);
+  column->addWidget(edge);
+  column->addLayout(header_);
+  column->addLayout(row, 1);
+
+  connect(maximise_, &QToolButton::clicked, this, &ViewFrame::maximiseRequested);
+  connect(view_, &GlView::maximiseRequested, this, &ViewFrame::maximiseRequested);
+  set_maximised(false);
+}
+
+void ViewFrame::add_slider(const QString& id, QHBoxLayout* row) {
+  auto* slice = qobject_cast<SliceWidget*>(view_);
+  if (slice == nullptr) return;
+  slider_ = new QSlider(Qt::Vertical, this);
+  slider_->setObjectName(id + QStringLiteral("Slider"));
+  slider_->setAccessibleName(tr("Slice"));
+  slider_->setToolTip(tr("Slice (wheel over the view, ← →)"));
+  slider_->setFixedWidth(16);
+  row->addWidget(slider_);
+  connect(slider_, &QSlider::valueChanged, slice, &SliceWidget::set_slice);
+  connect(slice, &SliceWidget::sliceChanged, this, &ViewFrame::refresh_slider);
+  connect(slice, &GlView::rendered, this, &ViewFrame::refresh_slider);
+}
+
+void ViewFrame::refresh_slider() {
+  const auto* slice = qobject_cast<SliceWidget*>(view_);
+  if (slice == nullptr) return;
+  const QSignalBlocker quiet(slider_);
+  slider_->setRange(0, std::max(0, slice->slice_count() - 1));
+  slider_->setValue(slice->slice());
+  slider_->setEnabled(slice->slice_count() > 1);
+}
+
+void ViewFrame::set_maximised(bool maximised) {
+  maximise_->setIcon(icon(maximised ? "restore" : "maximise"));
+  maximise_->setToolTip(maximised ? tr("Back to all views (double click)")
+                                  : tr("Show only this view (double click)"));
+}
+
+void ViewFrame::add_button(QToolButton* button) { header_->insertWidget(header_->count() - 1, button); }
+
+}  // namespace palpate::gui
