@@ -6,6 +6,7 @@
 #include <vtkCellArray.h>
 #include <vtkCommand.h>
 #include <vtkDataArray.h>
+#include <vtkExecutive.h>
 #include <vtkFieldData.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
@@ -111,10 +112,13 @@ MeshContents read_vtp(const MeshSource& source) {
   MeshContents contents;
   contents.stated_space = stated_space_in(beginning.substr(0, beginning.find("<PolyData")));
   ErrorWatch errors;
+  const QuietLog quiet;
   try {
     vtkNew<vtkXMLPolyDataReader> reader;
     reader->AddObserver(vtkCommand::ErrorEvent, errors.command());
     reader->AddObserver(vtkCommand::WarningEvent, errors.command());
+    // The pipeline says again, and on its own account, that the reader failed.
+    reader->GetExecutive()->AddObserver(vtkCommand::ErrorEvent, errors.command());
     reader->SetReaderErrorObserver(errors.command());
     reader->SetParserErrorObserver(errors.command());
     reader->ReadFromInputStringOn();

@@ -4,6 +4,7 @@
 #include <vtkCellArray.h>
 #include <vtkCommand.h>
 #include <vtkFloatArray.h>
+#include <vtkLogger.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPoints.h>
@@ -61,6 +62,19 @@ ErrorWatch::ErrorWatch() : command_(vtkSmartPointer<vtkCallbackCommand>::New()) 
     self->text_ += words_of(static_cast<const char*>(data));
   });
 }
+
+namespace {
+std::mutex& log_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+}  // namespace
+
+QuietLog::QuietLog() : lock_(log_mutex()), verbosity_(vtkLogger::GetCurrentVerbosityCutoff()) {
+  vtkLogger::SetStderrVerbosity(vtkLogger::VERBOSITY_OFF);
+}
+
+QuietLog::~QuietLog() { vtkLogger::SetStderrVerbosity(static_cast<vtkLogger::Verbosity>(verbosity_)); }
 
 vtkSmartPointer<vtkPolyData> to_vtk(const core::TriangleMesh& mesh) {
   auto data = vtkSmartPointer<vtkPolyData>::New();

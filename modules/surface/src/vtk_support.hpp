@@ -7,6 +7,7 @@
 #include <vtkCallbackCommand.h>
 #include <vtkSmartPointer.h>
 
+#include <mutex>
 #include <string>
 
 class vtkPolyData;
@@ -43,6 +44,21 @@ class ErrorWatch {
   std::string text_;
   bool failed_ = false;
   vtkSmartPointer<vtkCallbackCommand> command_;
+};
+
+/// Keeps VTK's log off the user's screen while it lives: objects inside a
+/// reader complain of a broken file where no observer reaches them. VTK has
+/// one log, so other threads' complaints of these milliseconds are lost too.
+class QuietLog {
+ public:
+  QuietLog();
+  ~QuietLog();
+  QuietLog(const QuietLog&) = delete;
+  QuietLog& operator=(const QuietLog&) = delete;
+
+ private:
+  std::unique_lock<std::mutex> lock_;  ///< two that overlap would restore each other's silence
+  int verbosity_;
 };
 
 vtkSmartPointer<vtkPolyData> to_vtk(const core::TriangleMesh& mesh);
