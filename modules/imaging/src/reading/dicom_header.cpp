@@ -237,24 +237,26 @@ void settle_frames(const Tags& tags, DicomHeader& header) {
       slices.count(header.sop_class) != 0 && !timed ? FrameMeaning::unplaced_slices : FrameMeaning::time;
 }
 
-/// How many bytes of a native pixel element the file really has.
-std::optional<std::uint64_t> pixel_bytes_in(const std::filesystem::path& path, std::size_t near_to,
+/// How many bytes of the pixel element are in the file; none where there is no
+/// such element. `value` is where its value begins.
+std::optional<std::uint64_t> pixel_bytes_in(const std::filesystem::path& path, std::size_t value,
                                             bool big_endian) {
-  if (near_to == static_cast<std::size_t>(-1)) return std::nullopt;
+  const std::uint64_t size = std::filesystem::file_size(path);
+  if (value == static_cast<std::size_t>(-1) || value < 12 || value > size) return std::nullopt;
   std::ifstream file(path, std::ios::binary);
-  const std::size_t from = near_to > 32 ? near_to - 32 : 0;
-  file.seekg(static_cast<std::streamoff>(from));
-  std::string window(80, '\0');
-  file.read(window.data(), static_cast<std::streamsize>(window.size()));
-  window.resize(static_cast<std::size_t>(file.gcount()));
+  file.seekg(static_cast<std::streamoff>(value - 12));
+  std::string before(12, '\0');
+  file.read(before.data(), static_cast<std::streamsize>(before.size()));
   const std::string tag =
       big_endian ? std::string("\x7F\xE0\x00\x10", 4) : std::string("\xE0\x7F\x10\x00", 4);
-  const auto found = window.find(tag);
-  if (found == std::string::npos || found + 8 > window.size()) return std::nullopt;
-  const std::string vr = window.substr(found + 4, 2);
-  const std::uint64_t value = from + found + (vr == "OB" || vr == "OW" || vr == "UN" ? 12 : 8);
-  const std::uint64_t size = std::filesystem::file_size(path);
-  return size > value ? size - value : 0;
+  // With a value representation the length has 32 bits behind two spare bytes; without, it follows the tag.
+  if (before.compare(0, 4, tag) != 0 && before.compare(4, 4, tag) != 0) return std::nullopt;
+  std::uint64_t length = 0;
+  for (std::size_t n = 0; n < 4; ++n) {
+    const auto byte = static_cast<unsigned char>(before[8 + n]);
+    length |= static_cast<std::uint64_t>(byte) << (8 * (big_endian ? 3 - n : n));
+  }
+  return std::min(length, size - value);
 }
 
 void take_pixel_form(const Tags& tags, DicomHeader& header) {
@@ -282,7 +284,7 @@ DicomHeader read_dicom_header(const std::filesystem::path& path) {
   const Tag pixel_tag(0x7FE0, 0x0010);
   gdcm::Reader reader;
   reader.SetFileName(path.c_str());
-  if (!may_be_dicom(path) || !reader.ReadUpToTag(pixel_tag))
+  if (!may_be_dicom(path) || !reader.ReadUpToTag(pixel_tag, {pixel_tag}))
     fail("unsupported", path, "is no DICOM file that can be read. Export it again, or as MetaImage or NRRD.");
   const Tags tags(reader.GetFile().GetDataSet());
   const gdcm::TransferSyntax& syntax = reader.GetFile().GetHeader().GetDataSetTransferSyntax();
@@ -292,12 +294,15 @@ DicomHeader read_dicom_header(const std::filesystem::path& path) {
   header.sop_class = tags.text(Tag(0x0008, 0x0016));
   header.modality = tags.text(Tag(0x0008, 0x0060));
   header.series_uid = tags.text(Tag(0x0020, 0x000E));
+  header.instance_uid = tags.text(Tag(0x0008, 0x0018));
   const auto instance = whole_number(tags.text(Tag(0x0020, 0x0013)));
   if (instance && std::abs(*instance) < 1000000000) header.instance = static_cast<int>(*instance);
   take_pixel_form(tags, header);
-  if (header.native)
-    header.pixel_bytes = pixel_bytes_in(path, reader.GetStreamCurrentPosition(), header.big_endian);
-  header.has_pixels = header.pixel_bytes || tags.has(pixel_tag) || !header.native;
+  const std::size_t value = reader.GetStreamCurrentPosition();
+  const bool deflated = syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian;
+  const auto there = deflated ? std::nullopt : pixel_bytes_in(path, value, header.big_endian);
+  header.has_pixels = deflated ? value != static_cast<std::size_t>(-1) : there.has_value();
+  if (header.native) header.pixel_bytes = there;
 
   take_spacing(tags.numbers(Tag(0x0028, 0x0030)), Provenance::stated, header);
   settle_frames(tags, header);
@@ -320,6 +325,7 @@ DicomGlance glance(const std::filesystem::path& path) {
     result.image = header.rows > 0 && header.columns > 0;
     result.slice = result.image && header.frames == 1 && header.planes.size() == 1;
     result.series_uid = header.series_uid;
+    result.instance_uid = header.instance_uid;
     result.modality = header.modality;
     result.size = std::to_string(header.columns) + " x " + std::to_string(header.rows) +
                   (header.frames > 1 ? " x " + std::to_string(header.frames) + " frames" : "");

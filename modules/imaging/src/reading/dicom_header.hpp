@@ -25,7 +25,7 @@ enum class FrameMeaning { time, placed, unplaced_slices };
 /// The tags of one DICOM file that matter here, read without its pixels.
 struct DicomHeader {
   std::filesystem::path path;
-  std::string sop_class, modality, series_uid, transfer_syntax;
+  std::string sop_class, modality, series_uid, instance_uid, transfer_syntax;
   int rows = 0, columns = 0, frames = 1, samples = 1, bits = 0, instance = 0;
   bool is_signed = false, native = true, big_endian = false, has_pixels = false, inverted = false;
   std::array<std::optional<double>, 3> spacing_mm;                  ///< i, j, k

@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <regex>
@@ -153,10 +154,12 @@ core::ImageGeometry make_geometry(const std::filesystem::path& path, std::array<
       warn(info, "repaired-direction",
            "Direction " + std::to_string(axis) +
                " is no unit vector; it was scaled to one, the spacing was kept.");
-    direction.col(axis) /= length;
+    direction.col(axis) = (direction.col(axis) / length).array() + 0.0;  // no negative zeros
   }
   const Eigen::Matrix3d skew = direction.transpose() * direction - Eigen::Matrix3d::Identity();
-  if (skew.cwiseAbs().maxCoeff() > header_digits)
+  const bool told = std::any_of(info.warnings.begin(), info.warnings.end(),
+                                [](const core::Warning& warning) { return warning.code == "gantry-tilt"; });
+  if (!told && skew.cwiseAbs().maxCoeff() > header_digits)
     warn(info, "sheared-axes",
          "The image axes are not at right angles; the voxels are placed as the file says.");
   try {

@@ -221,13 +221,10 @@ double raw_bytes_of(const DicomHeader& header) {
 void check_pixels(const DicomHeader& header, const Context& context, core::VolumeInfo& info) {
   if (header.rows < 1 || header.columns < 1)
     fail("no-image", header.path,
-         "is a DICOM object without a picture (SOP class " +
+         "holds no picture by its header (SOP class " +
              (header.sop_class.empty() ? "unknown" : header.sop_class) +
              "). Choose the file or series that holds the scan.");
   if (!header.has_pixels) fail("no-image", header.path, "has a header but no pixels. Export the scan again.");
-  // Read, decoded and converted copies exist side by side for a moment.
-  check_memory(header.path, 2.0 * raw_bytes_of(header),
-               static_cast<double>(header.rows) * header.columns * header.frames, context);
   if (header.pixel_bytes && static_cast<double>(*header.pixel_bytes) < raw_bytes_of(header)) {
     if (!context.options.allow_truncated)
       fail("truncated", header.path,
@@ -236,13 +233,18 @@ void check_pixels(const DicomHeader& header, const Context& context, core::Volum
                ". It was cut off: copy or export it again.");
     warn(info, "truncated", "A file was cut off; the pixels that are missing are black.");
   }
+  // Read, decoded and converted copies exist side by side for a moment.
+  check_memory(header.path, 2.0 * raw_bytes_of(header),
+               static_cast<double>(header.rows) * header.columns * header.frames, context);
 }
 
-/// GDCM hands on 32-bit big-endian pixels as they lie in the file.
-void swap_words(std::vector<char>& raw) {
-  for (std::size_t n = 0; n + 4 <= raw.size(); n += 4)
-    std::reverse(raw.begin() + static_cast<std::ptrdiff_t>(n),
-                 raw.begin() + static_cast<std::ptrdiff_t>(n) + 4);
+/// GDCM swaps 32-bit big-endian pixels as if they were pairs of 16 bits; this
+/// puts the pairs into their order.
+void swap_halves(std::vector<char>& raw) {
+  for (std::size_t n = 0; n + 4 <= raw.size(); n += 4) {
+    std::swap(raw[n], raw[n + 2]);
+    std::swap(raw[n + 1], raw[n + 3]);
+  }
 }
 
 /// Decodes one file and puts its frames where they belong.
@@ -268,7 +270,7 @@ void load(const DicomHeader& header, const std::vector<Slice>& slices, std::size
   io->SetIORegion(region);
   std::vector<char> raw(static_cast<std::size_t>(io->GetImageSizeInBytes()));
   io->Read(raw.data());
-  if (header.big_endian && header.bits == 32) swap_words(raw);
+  if (header.big_endian && header.bits == 32) swap_halves(raw);
   info.components = static_cast<int>(components);
   for (const auto& slice : slices) {
     if (slice.file != file || slice.frame < first || slice.frame >= first + kept) continue;

@@ -154,10 +154,8 @@ void check_geometry(const MetaHeader& header, const std::filesystem::path& path,
 }
 
 /// Numbers as text: MetaIO takes any word for a number and does not count them.
-void check_text_voxels(const MetaHeader& header, const MetaShape& shape,
-                       const std::filesystem::path& header_path, const std::filesystem::path& data,
-                       std::uint64_t offset) {
-  static_cast<void>(header);
+void check_text_voxels(const MetaShape& shape, const std::filesystem::path& header_path,
+                       const std::filesystem::path& data, std::uint64_t offset) {
   std::ifstream file(data, std::ios::binary);
   file.seekg(static_cast<std::streamoff>(offset));
   const double needed = shape.bytes / static_cast<double>(shape.component_bytes);
@@ -196,7 +194,7 @@ void check_data(const MetaHeader& header, const MetaShape& shape, const std::fil
     return;
   }
   if (header.has("BinaryData") && !header.yes("BinaryData"))
-    return check_text_voxels(header, shape, path, data, start);
+    return check_text_voxels(shape, path, data, start);
   double skipped = 0.0;
   if (header.has("HeaderSize")) {
     const auto stated = whole_number(header.at("HeaderSize"));
@@ -268,7 +266,8 @@ Parsed parse_meta_image(const std::filesystem::path& path, const Context& contex
   check_geometry(header, path, shape.dims.size());
   core::VolumeInfo info;
   info.format = "MetaImage";
-  check_memory(path, shape.bytes, 0.0, context);
+  // Before something is inflated only to be counted.
+  if (header.yes("CompressedData")) check_memory(path, shape.bytes, 0.0, context);
   check_voxels(header, shape, path, context.options, info);
 
   Layout layout;

@@ -17,6 +17,7 @@ using core::Provenance;
 struct NrrdHeader {
   std::map<std::string, std::string> fields;  ///< names in lower case
   std::uint64_t bytes = 0;
+  bool tracked = false;  ///< a sequence of tracked ultrasound, whose image is in pixels
   bool has(const std::string& key) const { return fields.count(key) != 0; }
   std::string at(const std::string& key) const {
     const auto found = fields.find(key);
@@ -44,6 +45,7 @@ NrrdHeader read_header(const std::filesystem::path& path) {
       continue;
     }
     if (line.empty()) break;
+    if (line.compare(0, 9, "Seq_Frame") == 0) header.tracked = true;
     const auto sign = line.find(':');
     if (line[0] == '#' || sign == std::string::npos || line.compare(sign, 2, ":=") == 0) continue;
     header.fields[lower_case(trimmed(line.substr(0, sign)))] = trimmed(line.substr(sign + 1));
@@ -181,7 +183,7 @@ Parsed parse_nrrd(const std::filesystem::path& path, const Context& context) {
 
   core::VolumeInfo info;
   info.format = "NRRD";
-  const bool spaced = header.has("space directions") || header.has("spacings");
+  const bool spaced = !header.tracked && (header.has("space directions") || header.has("spacings"));
   info.spacing_provenance.fill(spaced ? Provenance::stated : Provenance::assumed);
   const Layout layout = layout_of(header, sizes);
   std::size_t space_axes = sizes.size();

@@ -50,7 +50,7 @@ struct DicomGlance {
   bool dicom = false;
   bool image = false;  ///< has rows and columns
   bool slice = false;  ///< one frame with a place and an orientation: may be part of a volume
-  std::string series_uid, modality, size;
+  std::string series_uid, instance_uid, modality, size;
 };
 DicomGlance glance(const std::filesystem::path& path);
 

@@ -130,6 +130,7 @@ void do_scan(const Request& request) {
                      {"image", seen.image},
                      {"slice", seen.slice},
                      {"series_uid", seen.series_uid},
+                     {"instance_uid", seen.instance_uid},
                      {"modality", seen.modality},
                      {"size", seen.size}});
   }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 namespace palpate::imaging::reading {
 namespace {
@@ -50,6 +51,7 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
       glance.image = list[n].at("image").get<bool>();
       glance.slice = list[n].at("slice").get<bool>();
       glance.series_uid = list[n].at("series_uid").get<std::string>().substr(0, 100);
+      glance.instance_uid = list[n].at("instance_uid").get<std::string>().substr(0, 100);
       glance.modality = list[n].at("modality").get<std::string>().substr(0, 20);
       glance.size = list[n].at("size").get<std::string>().substr(0, 100);
     }
@@ -69,6 +71,7 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
 
 void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& survey) {
   std::map<std::pair<fs::path, std::string>, std::size_t> slices_of;
+  std::set<std::pair<fs::path, std::string>> instances;
   for (std::size_t n = 0; n < files.size(); ++n) {
     const DicomGlance& glance = seen[n];
     const bool broken = std::any_of(survey.broken.begin(), survey.broken.end(),
@@ -78,7 +81,10 @@ void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& sur
       survey.others.push_back(files[n]);
       continue;
     }
-    if (glance.slice && !glance.series_uid.empty()) {
+    // A second file of the same instance is a copy or another version, not another slice.
+    const bool copy = !glance.instance_uid.empty() &&
+                      !instances.insert({files[n].parent_path(), glance.instance_uid}).second;
+    if (glance.slice && !copy && !glance.series_uid.empty()) {
       const auto [place, added] =
           slices_of.try_emplace({files[n].parent_path(), glance.series_uid}, survey.series.size());
       if (!added) {
