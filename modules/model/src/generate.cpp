@@ -1,6 +1,7 @@
 #include "palpate/model/generate.hpp"
 
 #include "build.hpp"
+#include "components.hpp"
 #include "links.hpp"
 #include "parallel.hpp"
 
@@ -78,7 +79,7 @@ void compact(std::vector<T>& values, const Keep& keep) {
 
 void drop_small_components(Tissue& tissue, std::size_t min_component, const core::Progress& progress) {
   progress.report(0.0, "Dropping specks");
-  const Components components = components_of(tissue.links, tissue.points.size());
+  const Components components = components_with(tissue.links, tissue.points.size(), progress.cancel());
   if (components.sizes.back() >= min_component) return;
   if (components.sizes.front() < min_component) {
     std::ostringstream text;
@@ -99,6 +100,7 @@ void drop_small_components(Tissue& tissue, std::size_t min_component, const core
   LinkGraph& links = tissue.links;
   std::size_t kept = 0;
   for (std::size_t link = 0; link < links.size(); ++link) {
+    if (link % (1U << 20U) == 0) progress.cancel().check();
     const auto pair = links.pairs[link];
     if (number[pair[0]] == Occupancy::none) continue;
     links.pairs[kept] = {number[pair[0]], number[pair[1]]};

@@ -1,5 +1,6 @@
 #include "palpate/model/tissue.hpp"
 
+#include "components.hpp"
 #include "device_bytes.hpp"
 #include "union_find.hpp"
 
@@ -29,13 +30,22 @@ Adjacency adjacency_of(const LinkGraph& links, std::size_t point_count) {
 }
 
 Components components_of(const LinkGraph& links, std::size_t point_count) {
+  return components_with(links, point_count, core::CancelToken());
+}
+
+Components components_with(const LinkGraph& links, std::size_t point_count, const core::CancelToken& cancel) {
+  constexpr std::size_t between_checks = 1U << 18U;  // a few milliseconds
   UnionFind sets(point_count);
-  for (const auto& pair : links.pairs) sets.join(pair[0], pair[1]);
+  for (std::size_t link = 0; link < links.size(); ++link) {
+    if (link % between_checks == 0) cancel.check();
+    sets.join(links.pairs[link][0], links.pairs[link][1]);
+  }
 
   Components result;
   result.component.resize(point_count);
   std::vector<std::size_t> sizes;
   for (std::uint32_t point = 0; point < point_count; ++point) {
+    if (point % between_checks == 0) cancel.check();
     const std::uint32_t root = sets.root(point);
     // A root comes before the others of its set and so has its number already.
     if (root == point) {
