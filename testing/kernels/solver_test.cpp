@@ -25,9 +25,9 @@ namespace {
 
 class OpenclSolver : public testing_::DeviceTest {
  protected:
-  std::unique_ptr<Solver> solver(const std::shared_ptr<model::Tissue>& tissue,
-                                 const Parameters& parameters) const {
-    return simulation::make_opencl_solver(device(), tissue, parameters);
+  std::unique_ptr<Solver> solver(const std::shared_ptr<model::Tissue>& tissue, const Parameters& parameters,
+                                 unsigned points_per_item = 0) const {
+    return simulation::make_opencl_solver(device(), tissue, parameters, {points_per_item});
   }
 };
 
@@ -86,12 +86,13 @@ TEST_F(OpenclSolver, FollowsTheReferenceThroughAPull) {
   const State b = reference->state();
   EXPECT_GT(furthest(b.positions_mm, tissue->points.positions_mm), 0.5F)
       << "the pull must have moved something";
-  // Coordinates up to 10 mm are floats 5e-7 mm apart at most; 500 steps of four
-  // stages add up such roundings, which dampers take away again only slowly.
-  EXPECT_LT(furthest(a.positions_mm, b.positions_mm), 2e-3F);
-  // A position that is off by e makes the stiffest mode's speed off by omega e, some 400/s of it.
-  EXPECT_LT(furthest(a.velocities_mm_per_s, b.velocities_mm_per_s), 0.4F);
-  RecordProperty("max_difference_um", static_cast<int>(1e3F * furthest(a.positions_mm, b.positions_mm)));
+  // Coordinates stay under 16 mm, where a float is off by 5e-7 mm at most. The body floats freely, so
+  // nothing takes a shift back: 500 steps, all rounded the same way, come to 2.5e-4 mm.
+  EXPECT_LT(furthest(a.positions_mm, b.positions_mm), 2.5e-4F);
+  // A place that is off by e makes the stiffest mode's speed off by omega e, 400/s of 5e-7 mm a stage;
+  // a few stages' worth of it is left before the dampers have taken it.
+  EXPECT_LT(furthest(a.velocities_mm_per_s, b.velocities_mm_per_s), 5e-3F);
+  RecordProperty("max_difference_nm", static_cast<int>(1e6F * furthest(a.positions_mm, b.positions_mm)));
 }
 
 TEST_F(OpenclSolver, FollowsTheReferenceClosely) {
@@ -101,16 +102,20 @@ TEST_F(OpenclSolver, FollowsTheReferenceClosely) {
   Parameters parameters;
   parameters.drag_per_s = 5.0;
   parameters.gravity_mm_per_s2 = {100.0, -9810.0, 300.0};
-  const auto opencl = solver(tissue, parameters);
   const auto reference = simulation::make_reference_solver(tissue, parameters);
-  const State start = disturbed(*opencl, 0.05, 20.0);
-  for (Solver* each : {opencl.get(), reference.get()}) {
-    each->set_state(start);
-    each->step(20, 0.004);
-  }
-  // Coordinates up to 35 mm (they fall): 4e-6 mm between floats, 80 stages.
-  EXPECT_LT(furthest(opencl->state().positions_mm, reference->state().positions_mm), 5e-5F);
+  const State start = disturbed(*reference, 0.05, 20.0);
+  reference->set_state(start);
+  reference->step(20, 0.004);
   EXPECT_GT(furthest(reference->state().positions_mm, start.positions_mm), 10.0F);
+  for (const unsigned points_per_item : {1U, 4U, 8U, 16U}) {  // 216 points are no multiple of 16
+    const auto opencl = solver(tissue, parameters, points_per_item);
+    opencl->set_state(start);
+    opencl->step(20, 0.004);
+    // Coordinates up to 64 mm (they fall) are off by 2e-6 mm at most, twenty times.
+    EXPECT_LT(furthest(opencl->state().positions_mm, reference->state().positions_mm), 4e-5F)
+        << points_per_item << " points a work-item";
+  }
+  EXPECT_THROW(solver(tissue, parameters, 3), palpate::core::Error);
 }
 
 TEST_F(OpenclSolver, MeetsTheExactOscillator) {
@@ -162,9 +167,9 @@ TEST_F(OpenclSolver, KeepsTheMomentumOfAFreeBody) {
   const auto before = opencl->energy();
   opencl->step(300, 0.003);
   const auto after = opencl->energy();
-  // Both ends of a link round its force apart: k L 1e-7 = 1e-3 mm/s^2, times h, over 1200 stages of
-  // 512 points at random: under 0.1 mm/s, where the speeds together are some thousands.
-  EXPECT_LT((after.momentum - before.momentum).norm(), 0.1);
+  // Both ends of a link round its force apart by 1e-7 of k times its extension, some 1e-4 mm/s^2; over
+  // 1 s of simulated time and 2000 links at random that is under 1e-2 mm/s, of thousands.
+  EXPECT_LT((after.momentum - before.momentum).norm(), 1e-2);
   EXPECT_LT(after.kinetic + after.potential, 0.5 * (before.kinetic + before.potential));
 }
 
@@ -190,8 +195,8 @@ TEST_F(OpenclSolver, RestStaysAtRest) {
   const auto opencl = solver(tissue, Parameters());
   EXPECT_EQ(opencl->state().positions_mm, tissue->points.positions_mm);
   opencl->step(200, 0.005);
-  // rsqrt is good to a few 1e-7 of a length, which is the size of the standing error.
-  EXPECT_LT(opencl->health().max_displacement_mm, 1e-5F);
+  // rsqrt is good to 1e-7 of a length: a few of these is the standing error of a point's place.
+  EXPECT_LT(opencl->health().max_displacement_mm, 3e-6F);
 }
 
 TEST_F(OpenclSolver, RunsAreAlikeBitForBit) {
@@ -272,8 +277,8 @@ TEST_F(OpenclSolver, PositionsStayInOneBuffer) {
   opencl->step(3, 0.002);
   ASSERT_EQ(opencl->positions_buffer(), buffer);
   std::vector<std::array<float, 4>> raw(tissue->points.size());
-  ASSERT_EQ(buffer->bytes(), raw.size() * 16);
-  buffer->read(raw.data(), buffer->bytes());
+  ASSERT_GE(buffer->bytes(), raw.size() * 16);
+  buffer->read(raw.data(), raw.size() * 16);
   const State state = opencl->state();
   for (std::size_t n = 0; n < raw.size(); ++n)
     EXPECT_EQ(Eigen::Vector3f(raw[n][0], raw[n][1], raw[n][2]), state.positions_mm[n]);

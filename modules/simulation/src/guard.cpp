@@ -1,40 +1,73 @@
 #include "palpate/simulation/guard.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
 
 namespace palpate::simulation {
 
 namespace {
 constexpr double lost_beyond_extents = 1000.0;
-}
+constexpr double calm_links_per_step = 0.5;
+/// A blow-up that has begun to move visibly is lost well within this many
+/// steps; what is still there after them is fast, not broken.
+constexpr std::int64_t lasting_steps = 100;
+}  // namespace
 
 Guard::Guard(Solver& solver, double step_s, int max_halvings)
     : solver_(solver),
       step_s_(step_s),
       max_halvings_(max_halvings),
       // A single point has no extent; a millimetre then stands for it.
-      lost_beyond_mm_(lost_beyond_extents * std::max(solver.extent_mm(), 1.0)) {
-  if (lost()) return;
-  solver_.save_snapshot();
-  has_snapshot_ = true;
+      lost_beyond_mm_(lost_beyond_extents * std::max(solver.extent_mm(), 1.0)),
+      time_s_(solver.time_s()) {
+  if (!is_lost(solver_.health())) save();
 }
 
-void Guard::set_step_s(double step_s) { step_s_ = step_s; }
+void Guard::set_step_s(double step_s) {
+  snapshot_is_stale_ = snapshot_is_stale_ || step_s != step_s_;
+  step_s_ = step_s;
+}
 
 void Guard::clear() {
   diverged_ = false;
   recoveries_ = 0;
+  snapshot_is_stale_ = true;
 }
 
-bool Guard::lost() {
-  const Health health = solver_.health();
+bool Guard::is_lost(const Health& health) const {
   return !health.finite || !(static_cast<double>(health.max_displacement_mm) <= lost_beyond_mm_);
 }
 
-bool Guard::restore() {
+bool Guard::is_calm(const Health& health) const {
+  return static_cast<double>(health.max_speed_mm_per_s) * step_s_ <=
+         calm_links_per_step * solver_.link_length_mm();
+}
+
+void Guard::save() {
+  solver_.save_snapshot();
+  has_snapshot_ = true;
+  snapshot_is_stale_ = false;
+  steps_since_snapshot_ = 0;
+}
+
+bool Guard::run(std::int64_t steps, int look) {
+  while (steps > 0) {
+    const int count = static_cast<int>(std::min<std::int64_t>(steps, look));
+    solver_.step(count, step_s_);
+    if (is_lost(solver_.health())) return false;
+    steps -= count;
+  }
+  return true;
+}
+
+GuardReport Guard::pause(const std::string& message) {
   if (has_snapshot_) solver_.restore_snapshot();
-  return has_snapshot_;
+  diverged_ = true;
+  GuardReport report;
+  report.paused = true;
+  report.message = message;
+  return report;
 }
 
 GuardReport Guard::advance(int count) {
@@ -45,49 +78,49 @@ GuardReport Guard::advance(int count) {
       report.message = "The simulation is paused: it could not be kept finite. Reset it to go on.";
     return report;
   }
-  if (lost()) {
-    diverged_ = report.paused = true;
-    report.message =
-        restore() ? "The state was not finite. The last good one is back, and the simulation is paused."
-                  : "The state is not finite, and there is no good one to go back to. Reset it to go on.";
-    return report;
-  }
-  solver_.save_snapshot();
-  has_snapshot_ = true;
+  const Health before = solver_.health();
+  if (is_lost(before))
+    return pause(has_snapshot_
+                     ? "The state was not finite. The last good one is back, and the simulation is paused."
+                     : "The state is not finite, and there is no good one to go back to. Reset it to go on.");
+  const bool set_from_outside = solver_.time_s() != time_s_;
+  if (!has_snapshot_ || snapshot_is_stale_ || set_from_outside || is_calm(before) ||
+      steps_since_snapshot_ >= lasting_steps)
+    save();
 
   const double first_step_s = step_s_;
-  int batches = 1;  // of `count` steps; twice as many after each halving
-  for (int halvings = 0; halvings <= max_halvings_; ++halvings) {
-    // Looked at after every `count` steps, so that a hopeless step size is soon given up.
-    bool good = true;
-    for (int batch = 0; batch < batches && good; ++batch) {
-      solver_.step(count, step_s_);
-      good = !lost();
-    }
-    if (good) {
-      report.steps_done = count * batches;
-      if (report.recovered) {
-        std::ostringstream text;
-        text << "The simulation became unstable. The last good state was restored and the step was reduced "
-                "from "
-             << first_step_s << " s to " << step_s_ << " s.";
-        report.message = text.str();
-      }
-      return report;
-    }
-    restore();
-    if (halvings == max_halvings_) break;
+  const std::int64_t span = steps_since_snapshot_ + count;  // in first steps, from the snapshot
+  std::int64_t halves = 1;
+  bool good = run(count, count);
+  for (int halving = 0; !good && halving < max_halvings_; ++halving) {
+    solver_.restore_snapshot();
     step_s_ /= 2.0;
-    batches *= 2;
+    halves *= 2;
     ++recoveries_;
     report.recovered = true;
+    // Looked at after every `count` steps, so that a hopeless step is soon given up.
+    good = run(span * halves, count);
   }
-  diverged_ = report.paused = true;
   std::ostringstream text;
-  text << "The simulation could not be kept finite, not even with a step of " << step_s_
-       << " s. The last good state is shown and the simulation is paused. Reduce the stiffness or the "
-          "damping.";
-  report.message = text.str();
+  if (!good) {
+    text << "The simulation could not be kept finite, not even with a step of " << step_s_
+         << " s. The last good state is back and the simulation is paused. Reduce the stiffness or the "
+            "damping.";
+    step_s_ = first_step_s;
+    const bool recovered = report.recovered;
+    report = pause(text.str());
+    report.recovered = recovered;
+    return report;
+  }
+  steps_since_snapshot_ = span * halves;
+  time_s_ = solver_.time_s();
+  report.steps_done =
+      static_cast<int>(std::min<std::int64_t>(count * halves, std::numeric_limits<int>::max()));
+  if (report.recovered) {
+    text << "The simulation became unstable. The last good state was restored and the step was reduced from "
+         << first_step_s << " s to " << step_s_ << " s.";
+    report.message = text.str();
+  }
   return report;
 }
 

@@ -8,6 +8,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace palpate::simulation {
 
@@ -18,7 +21,8 @@ using Float4 = std::array<float, 4>;
 
 constexpr std::size_t health_group = 64;
 constexpr std::size_t health_groups = 256;
-constexpr std::size_t step_group = 256;
+// Work-items are heavy where they take many points; small groups spread them evenly.
+constexpr std::size_t step_group = 32;
 
 /// Positions and velocities on the device, a float4 a point each.
 struct DevicePhase {
@@ -32,28 +36,40 @@ struct DevicePhase {
   }
 };
 
-/// The links of a point in columns, [slot][point].
+unsigned points_per_item(const compute::Device& device, const OpenclOptions& options) {
+  const unsigned wanted = options.points_per_item;
+  if (wanted == 0) {
+    const unsigned width = device.info().float_vector_width;
+    // Sixteen run out of registers: 20 % slower than eight where the width is sixteen.
+    return width >= 8 ? 8 : width >= 4 ? 4 : 1;
+  }
+  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
+  throw core::Error(core::ErrorKind::internal, "points-per-item",
+                    "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
+}
+
+/// The links of a point in columns, [slot][point], for `stride` >= the points.
 struct Columns {
   std::size_t links_per_point = 1;
   std::vector<std::uint32_t> partners;
   std::vector<float> rest_lengths_mm;
 };
 
-Columns columns_of(const model::LinkGraph& links, std::size_t points) {
-  std::vector<std::uint32_t> used(points, 0);
+Columns columns_of(const model::LinkGraph& links, std::size_t stride) {
+  std::vector<std::uint32_t> used(stride, 0);
   for (const auto& pair : links.pairs)
     for (const std::uint32_t end : pair) ++used[end];
   Columns columns;
-  if (points > 0) columns.links_per_point = std::max(1U, *std::max_element(used.begin(), used.end()));
-  columns.partners.resize(columns.links_per_point * points);
+  if (stride > 0) columns.links_per_point = std::max(1U, *std::max_element(used.begin(), used.end()));
+  columns.partners.resize(columns.links_per_point * stride);
   columns.rest_lengths_mm.assign(columns.partners.size(), 0.0F);
   for (std::size_t n = 0; n < columns.partners.size(); ++n)
-    columns.partners[n] = static_cast<std::uint32_t>(n % points);  // itself: no force
+    columns.partners[n] = static_cast<std::uint32_t>(n % stride);  // itself: no force
   std::fill(used.begin(), used.end(), 0);
   for (std::size_t link = 0; link < links.size(); ++link) {
     const auto [a, b] = links.pairs[link];
     for (const auto& [from, to] : {std::pair(a, b), std::pair(b, a)}) {
-      const std::size_t place = used[from]++ * points + from;
+      const std::size_t place = used[from]++ * stride + from;
       columns.partners[place] = to;
       columns.rest_lengths_mm[place] = links.rest_lengths_mm[link];
     }
@@ -61,10 +77,12 @@ Columns columns_of(const model::LinkGraph& links, std::size_t points) {
   return columns;
 }
 
-std::vector<Float4> float4s(const std::vector<Eigen::Vector3f>& vectors) {
+/// `count` of them, those after the last vector zero.
+std::vector<Float4> float4s(const std::vector<Eigen::Vector3f>& vectors, std::size_t count) {
   std::vector<Float4> result;
-  result.reserve(vectors.size());
+  result.reserve(count);
   for (const auto& v : vectors) result.push_back({v.x(), v.y(), v.z(), 0.0F});
+  result.resize(count, Float4{});
   return result;
 }
 
@@ -89,29 +107,32 @@ Buffer buffer_of(const compute::Device& device, const std::vector<Value>& values
 class OpenclSolver final : public Solver {
  public:
   OpenclSolver(const compute::Device& device, std::shared_ptr<const model::Tissue> tissue_given,
-               const Parameters& parameters)
+               const Parameters& parameters, const OpenclOptions& options)
       : Solver(std::move(tissue_given)),
         device_(device),
         count_(tissue().points.size()),
+        points_per_item_(points_per_item(device, options)),
+        stride_((count_ + points_per_item_ - 1) / points_per_item_ * points_per_item_),
         y_(device, state_bytes()),
         s2_(device, state_bytes()),
         s3_(device, state_bytes()),
         s4_(device, state_bytes()),
         snapshot_(device, state_bytes()),
-        freedom_(buffer_of(device, std::vector<float>(count_, 1.0F))),
+        freedom_(Buffer::allocate(device, stride_ * sizeof(float))),
         partials_(Buffer::allocate(device, health_groups * sizeof(Float4))) {
     check(parameters);
-    const std::vector<Float4> rest = float4s(tissue().points.positions_mm);
+    const std::vector<Float4> rest = float4s(tissue().points.positions_mm, stride_);
     rest_ = buffer_of(device, rest);
     std::size_t links_per_point = 1;
     {
-      const Columns columns = columns_of(tissue().links, count_);
+      const Columns columns = columns_of(tissue().links, stride_);
       links_per_point = columns.links_per_point;
       partners_ = buffer_of(device, columns.partners);
       rest_lengths_ = buffer_of(device, columns.rest_lengths_mm);
     }
     build(links_per_point);
     set_parameters(parameters);
+    write_freedom();
     warm_up();
     write(y_.x, rest);
     y_.v.fill_zero();
@@ -123,7 +144,7 @@ class OpenclSolver final : public Solver {
     const bool moves = grab_moves() && !held_.empty();
     if (moves) grab_.set(6, h);
     for (int n = 0; n < count; ++n) {
-      for (auto& stage : stages_) stage.run(count_, step_group);
+      for (auto& stage : stages_) stage.run(stride_ / points_per_item_, step_group);
       if (moves) grab_.run(held_.size());
     }
     device_.flush();
@@ -132,16 +153,14 @@ class OpenclSolver final : public Solver {
 
   void hold(const std::vector<HeldPoint>& held) override {
     std::vector<HeldPoint> next = checked(held, count_);
-    std::vector<float> freedom(count_, 1.0F);
     std::vector<std::uint32_t> points;
     std::vector<float> selectances;
     for (const auto& [point, selectance] : next) {
-      freedom[point] = 1.0F - selectance;
       points.push_back(point);
       selectances.push_back(selectance);
     }
-    freedom_.write(freedom.data(), freedom.size() * sizeof(float));
     held_ = std::move(next);
+    write_freedom();
     if (held_.empty()) return;
     held_points_ = buffer_of(device_, points);
     held_selectances_ = buffer_of(device_, selectances);
@@ -168,8 +187,8 @@ class OpenclSolver final : public Solver {
 
   void set_state(const State& state) override {
     check_size(state, count_);
-    write(y_.x, float4s(state.positions_mm));
-    write(y_.v, float4s(state.velocities_mm_per_s));
+    write(y_.x, float4s(state.positions_mm, stride_));
+    write(y_.v, float4s(state.velocities_mm_per_s, stride_));
     time_s_ = state.time_s;
   }
 
@@ -208,11 +227,12 @@ class OpenclSolver final : public Solver {
   }
 
  private:
-  std::size_t state_bytes() const { return count_ * sizeof(Float4); }
+  std::size_t state_bytes() const { return stride_ * sizeof(Float4); }
 
   void build(std::size_t links_per_point) {
     compute::KernelLibrary library(device_);
     const std::vector<std::string> defines{"LINKS_PER_POINT=" + std::to_string(links_per_point),
+                                           "POINTS_PER_ITEM=" + std::to_string(points_per_item_),
                                            "-cl-fast-relaxed-math"};
     const std::array<const DevicePhase*, 4> sources{&y_, &s2_, &s3_, &s4_};
     const std::array<const DevicePhase*, 3> targets{&s2_, &s3_, &s4_};
@@ -227,7 +247,7 @@ class OpenclSolver final : public Solver {
       stages_[n].set(next, partners_);
       stages_[n].set(next + 1, rest_lengths_);
       stages_[n].set(next + 2, freedom_);
-      stages_[n].set(next + 3, static_cast<std::uint32_t>(count_));
+      stages_[n].set(next + 3, static_cast<std::uint32_t>(stride_));
     }
     grab_ = library.build("grab.cl", "grab");
     health_ = library.build("health.cl", "health", {"GROUP_SIZE=" + std::to_string(health_group)});
@@ -254,6 +274,14 @@ class OpenclSolver final : public Solver {
 
   bool grab_moves() const { return !grab_velocity_.isZero(0.0); }
 
+  /// The points that only fill the last work-item up stay where they are.
+  void write_freedom() {
+    std::vector<float> freedom(count_, 1.0F);
+    freedom.resize(stride_, 0.0F);
+    for (const auto& [point, selectance] : held_) freedom[point] = 1.0F - selectance;
+    freedom_.write(freedom.data(), freedom.size() * sizeof(float));
+  }
+
   void set_grab_arguments() {
     grab_.set_all(y_.x, y_.v, held_points_, held_selectances_, static_cast<std::uint32_t>(held_.size()),
                   float4(grab_velocity_));
@@ -272,7 +300,7 @@ class OpenclSolver final : public Solver {
     y_.x.fill_zero();
     y_.v.fill_zero();
     set_step(0.0F);
-    for (auto& stage : stages_) stage.run(count_, step_group);
+    for (auto& stage : stages_) stage.run(stride_ / points_per_item_, step_group);
     grab_.set_all(y_.x, y_.v, freedom_, freedom_, std::uint32_t{0}, Float4{}, 0.0F);
     grab_.run(1);
     health_.run(health_groups * health_group, health_group);
@@ -285,6 +313,8 @@ class OpenclSolver final : public Solver {
 
   compute::Device device_;
   std::size_t count_;
+  unsigned points_per_item_;
+  std::size_t stride_;  ///< points in all arrays: count_, filled up to whole work-items
   Parameters parameters_;
   // y, the three stage states, and the snapshot. The last stage writes over y,
   // so that the positions stay in one buffer for whoever draws them.
@@ -310,8 +340,8 @@ class OpenclSolver final : public Solver {
 
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            std::shared_ptr<const model::Tissue> tissue,
-                                           const Parameters& parameters) {
-  return std::make_unique<OpenclSolver>(device, std::move(tissue), parameters);
+                                           const Parameters& parameters, const OpenclOptions& options) {
+  return std::make_unique<OpenclSolver>(device, std::move(tissue), parameters, options);
 }
 
 }  // namespace palpate::simulation

@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 
+#include <numeric>
+
 namespace palpate::simulation {
 
 Solver::Solver(std::shared_ptr<const model::Tissue> tissue) : tissue_(std::move(tissue)) {
@@ -9,6 +11,10 @@ Solver::Solver(std::shared_ptr<const model::Tissue> tissue) : tissue_(std::move(
   Eigen::AlignedBox3f box;
   for (const auto& position : tissue_->points.positions_mm) box.extend(position);
   if (!box.isEmpty()) extent_mm_ = static_cast<double>(box.diagonal().norm());
+  const auto& lengths = tissue_->links.rest_lengths_mm;
+  if (!lengths.empty())
+    link_length_mm_ =
+        std::accumulate(lengths.begin(), lengths.end(), 0.0) / static_cast<double>(lengths.size());
 }
 
 Energy Solver::energy() const {

@@ -19,9 +19,10 @@ namespace {
 /// A solver that is lost as soon as a step is longer than `good_below_s`.
 class Fragile final : public simulation::Solver {
  public:
-  explicit Fragile(double good_below_s) : Solver(testing_::cube_tissue(2)), good_below_s_(good_below_s) {}
+  explicit Fragile(double good_below_limit_s)
+      : Solver(testing_::cube_tissue(2)), good_below_s(good_below_limit_s) {}
   void step(int count, double step_s) override {
-    healthy = healthy && step_s < good_below_s_;
+    healthy = healthy && step_s < good_below_s;
     steps += count;
     time += count * step_s;
   }
@@ -31,14 +32,14 @@ class Fragile final : public simulation::Solver {
   const Parameters& parameters() const override { return parameters_; }
   simulation::State state() const override { return {}; }
   void set_state(const simulation::State&) override {}
-  void save_snapshot() override { saved_time_ = time; }
+  void save_snapshot() override { saved_time = time; }
   void restore_snapshot() override {
-    time = saved_time_;
+    time = saved_time;
     healthy = true;
     displacement_mm = 0.0F;
   }
   double time_s() const override { return time; }
-  simulation::Health health() override { return {healthy, displacement_mm, 0.0F}; }
+  simulation::Health health() override { return {healthy, displacement_mm, speed_mm_per_s}; }
   const palpate::compute::Buffer* positions_buffer() const override { return nullptr; }
   std::string device_name() const override { return "fragile"; }
   std::string driver() const override { return {}; }
@@ -47,12 +48,13 @@ class Fragile final : public simulation::Solver {
 
   bool healthy = true;
   float displacement_mm = 0.0F;
+  float speed_mm_per_s = 0.0F;
+  double good_below_s;
+  double saved_time = 0.0;
   int steps = 0;
   double time = 0.0;
 
  private:
-  double good_below_s_;
-  double saved_time_ = 0.0;
   Parameters parameters_;
 };
 
@@ -130,6 +132,58 @@ TEST(Guard, RecoversARealBlowUp) {
   EXPECT_NEAR(solver->time_s(), time, 1e-9);
   EXPECT_TRUE(solver->health().finite);
   EXPECT_LT(solver->health().max_displacement_mm, 0.2F);  // back near rest, not scrambled
+}
+
+TEST(Guard, InSmallBatchesItGoesBackToAStateFromBeforeTheBlowUp) {
+  // A blow-up stays finite for many short batches; none of those may become the state that is restored.
+  const auto tissue = testing_::cube_tissue(5);
+  const Parameters parameters;
+  for (const double over : {1.3, 1.6, 2.5}) {
+    const auto solver = simulation::make_reference_solver(tissue, parameters);
+    auto state = solver->state();
+    testing_::Numbers numbers(2);
+    for (auto& x : state.positions_mm) x += numbers.vector(0.05);
+    solver->set_state(state);
+    Guard guard(*solver, over / 0.8 * simulation::stable_step(*tissue, parameters).step_s);
+    for (int frame = 0; frame < 400 && guard.recoveries() == 0; ++frame) guard.advance(1);
+    ASSERT_GT(guard.recoveries(), 0) << over;
+    EXPECT_FALSE(guard.diverged()) << over;
+    EXPECT_LT(solver->health().max_displacement_mm, 0.5F) << over;  // half a link: nothing is scrambled
+    for (int frame = 0; frame < 400; ++frame) guard.advance(1);
+    EXPECT_LT(solver->health().max_displacement_mm, 0.2F) << over;
+    EXPECT_LE(guard.recoveries(), 3) << over;
+  }
+}
+
+TEST(Guard, TheTimeSinceTheSnapshotIsDoneAgain) {
+  Fragile solver(1.5);
+  Guard guard(solver, 1.0);
+  solver.speed_mm_per_s = 10.0F;  // more than half a link a step: not calm, no new snapshot
+  for (int batch = 0; batch < 4; ++batch) guard.advance(5);
+  EXPECT_DOUBLE_EQ(solver.time, 20.0);
+  EXPECT_DOUBLE_EQ(solver.saved_time, 0.0);
+  solver.good_below_s = 0.7;
+  const auto report = guard.advance(5);
+  EXPECT_TRUE(report.recovered);
+  EXPECT_EQ(report.steps_done, 10);
+  EXPECT_DOUBLE_EQ(solver.time, 25.0);
+  EXPECT_EQ(solver.steps, 20 + 5 + 50);
+  // What has lasted for a hundred steps is kept after all.
+  for (int batch = 0; batch < 10; ++batch) guard.advance(10);
+  EXPECT_GT(solver.saved_time, 20.0);
+}
+
+TEST(Guard, AStateSetFromOutsideIsWhatItGoesBackTo) {
+  Fragile solver(1.5);
+  Guard guard(solver, 1.0);
+  solver.speed_mm_per_s = 10.0F;
+  guard.advance(5);
+  solver.time = 70.0;  // as set_state() does
+  guard.advance(5);
+  EXPECT_DOUBLE_EQ(solver.saved_time, 70.0);
+  guard.set_step_s(0.5);
+  guard.advance(2);
+  EXPECT_DOUBLE_EQ(solver.saved_time, 75.0);
 }
 
 TEST(Guard, AStateThatWasNeverFinitePausesWithTheLastGoodOneKept) {

@@ -2,6 +2,7 @@
 
 #include "palpate/simulation/solver.hpp"
 
+#include <cstdint>
 #include <string>
 
 namespace palpate::simulation {
@@ -14,12 +15,16 @@ struct GuardReport {
   std::string message;     ///< for people, when recovered or paused
 };
 
-/// Watches a solver: before each batch a snapshot, after it the health. A
-/// non-finite state, or one that left a box of 1000 times the tissue's size,
-/// restores the snapshot, halves the step and counts a recovery; after
-/// `max_halvings` without a good batch it gives up and leaves the last good
-/// state. A state that is already lost when a batch begins (it was set from
-/// outside) is replaced by the last good one and pauses the run at once.
+/// Watches a solver: snapshots of calm states before a batch, the health after
+/// it. A non-finite state, or one that left a box of 1000 times the tissue's
+/// size, restores the snapshot, halves the step, counts a recovery and does
+/// the time since the snapshot again; after `max_halvings` without success it
+/// gives up and leaves the last good state. A run that blows up is finite for
+/// a while, so a state in which a point passes more than half a link's length
+/// in a step is not kept until it has lasted: the last good state is one that
+/// people would call good. A state that is already lost when a batch begins
+/// (it was set from outside) is replaced by the last good one and pauses the
+/// run at once.
 class Guard {
  public:
   Guard(Solver& solver, double step_s, int max_halvings = 12);
@@ -34,16 +39,22 @@ class Guard {
   void clear();
 
  private:
-  bool lost();
-  /// Restores the last good state, or says false when there never was one.
-  bool restore();
+  bool is_lost(const Health& health) const;
+  bool is_calm(const Health& health) const;
+  /// Steps in looks of at most `look` steps; false as soon as the run is lost.
+  bool run(std::int64_t steps, int look);
+  void save();
+  GuardReport pause(const std::string& message);
 
   Solver& solver_;
   double step_s_;
   int max_halvings_;
   double lost_beyond_mm_;
-  int recoveries_ = 0;
   bool has_snapshot_ = false;
+  bool snapshot_is_stale_ = false;  ///< the step or the state is another one since
+  std::int64_t steps_since_snapshot_ = 0;
+  double time_s_ = 0.0;  ///< of the solver at the end of the last batch
+  int recoveries_ = 0;
   bool diverged_ = false;
 };
 

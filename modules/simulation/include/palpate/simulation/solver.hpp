@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -72,8 +73,11 @@ class Solver {
   Energy energy() const;
   /// Diagonal of the box around the points at rest; what is far is measured by it.
   double extent_mm() const noexcept { return extent_mm_; }
+  /// Mean rest length of the links; infinite without links.
+  double link_length_mm() const noexcept { return link_length_mm_; }
   /// The device's positions, four floats a point (x, y, z, unused), for the
-  /// surface; null for the reference solver.
+  /// surface; the same buffer as long as the solver lives, possibly a few
+  /// points longer than the tissue. Null for the reference solver.
   virtual const compute::Buffer* positions_buffer() const = 0;
   virtual std::string device_name() const = 0;
   virtual std::string driver() const = 0;
@@ -87,13 +91,22 @@ class Solver {
  private:
   std::shared_ptr<const model::Tissue> tissue_;
   double extent_mm_ = 0.0;
+  double link_length_mm_ = std::numeric_limits<double>::infinity();
 };
 
+/// How the OpenCL solver runs; results differ in rounding only.
+struct OpenclOptions {
+  /// Points that a work-item takes as vector lanes: 1, 4, 8 or 16. 0: by the
+  /// device's float_vector_width. Error(internal) for others.
+  unsigned points_per_item = 0;
+};
 /// kernels/explicit_rk4.cl: separate arrays, explicit links stored column
-/// by column, four fused stage kernels, no atomics. Throws Error(device).
+/// by column, four fused stage kernels, no atomics. Compiles and warms its
+/// kernels up, so that the first step is as fast as the next. Throws
+/// Error(device), and Error(usage) as check() does.
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            std::shared_ptr<const model::Tissue> tissue,
-                                           const Parameters& parameters);
+                                           const Parameters& parameters, const OpenclOptions& options = {});
 /// The same model in Eigen and double precision: the independent check, and
 /// what runs where there is no device.
 std::unique_ptr<Solver> make_reference_solver(std::shared_ptr<const model::Tissue> tissue,
