@@ -35,7 +35,9 @@ const std::vector<FilterDescription>& filters();
 FilterStep parse_filter(const std::string& text);
 std::string to_string(const FilterStep& step);
 
-/// Applies the steps in order; the geometry is kept. Long; reports progress
+/// Applies the steps in order; the geometry is kept. At the border the
+/// outermost voxels are taken to go on. The Gaussian is the discrete one,
+/// which takes any number of voxels and never overshoots. Long; reports progress
 /// and stops through ITK's abort when cancelled. Throws Error(usage),
 /// Error(cancelled).
 core::Volume apply_filters(const core::Volume& volume, const std::vector<FilterStep>& chain,

@@ -26,8 +26,13 @@ struct Phantom {
 /// A left ventricle of real size (about 90 mm long): a truncated ellipsoid
 /// wall with cavity, apex and valve plane, seen by a probe at the apex:
 /// speckle that scales with the signal, depth-dependent, a rib's shadow.
-/// Myocardium around 140, cavity and background around 20 (docs/cli.md).
-/// Deterministic in all parameters.
+/// Myocardium around 140, cavity and background around 20 (docs/cli.md): the
+/// mean over the label is within 10 of that for sizes from 64 on; in smaller
+/// ones a voxel is as thick as the wall.
+/// LPS, identity direction, centred on the origin: the probe looks along +y,
+/// the apex is at y = -46 mm, the valve plane at y = 46 mm.
+/// Deterministic in all parameters, on every machine. Throws Error(usage)
+/// naming the range, Error(cancelled).
 Phantom make_phantom(const PhantomParameters& parameters, const core::Progress& progress = {});
 
 }  // namespace palpate::imaging
