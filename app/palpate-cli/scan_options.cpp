@@ -132,8 +132,8 @@ Prepared prepare_volume(ScanOptions& scan, Console& console, const core::Progres
   const auto sum = session::file_sha256(input.path, progress.part(0.6, 0.7));
   if (!input.sha256.empty() && input.sha256 != sum)
     console.warn(
-        {"input-changed",
-         input.path.string() + " is not the file that the recipe was made with: its checksum differs."});
+        "input-changed",
+        input.path.string() + " is not the file that the recipe was made with: its checksum differs.");
   input.sha256 = sum;
   prepared.info = std::move(sequence.info);
   console.warn(prepared.info.warnings);

@@ -45,6 +45,8 @@ nlohmann::json parse_json(const std::string& text, const std::string& what) {
     const std::size_t column = line == 1 ? end + 1 : end - line_start;
     refuse("line " + std::to_string(line) + ", column " + std::to_string(column),
            what + " is not valid JSON there.");
+  } catch (const nlohmann::json::out_of_range&) {
+    refuse(what, "a number in it is too large to be one.");
   }
 }
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace palpate::session {
@@ -17,7 +18,6 @@ namespace {
 constexpr int steps_per_batch = 16;
 /// Times that differ by less than this part of a step are the same step boundary.
 constexpr double boundary = 1e-6;
-constexpr double degree = 3.14159265358979323846 / 180.0;
 
 interaction::Ray ray_at(const std::vector<interaction::GesturePoint>& path, double t_s) {
   if (t_s <= path.front().t_s) return path.front().ray;
@@ -33,17 +33,6 @@ interaction::Ray ray_at(const std::vector<interaction::GesturePoint>& path, doub
   // Opposite directions have no middle: keep the earlier one.
   ray.direction = direction.norm() > 1e-9 ? Eigen::Vector3d(direction.normalized()) : before->ray.direction;
   return ray;
-}
-
-/// The reach of a step's cone; for a parallel camera the cylinder that covers
-/// as many pixels of its view as the cone would of a perspective one.
-interaction::PickReach reach_of(const interaction::GestureStep& step) {
-  interaction::PickReach reach;
-  reach.cone_half_angle_deg = step.cone_half_angle_deg;
-  if (step.camera && step.camera->parallel)
-    reach.cylinder_radius_mm = step.camera->parallel_scale_mm * std::tan(step.cone_half_angle_deg * degree) /
-                               std::tan(0.5 * step.camera->view_angle_deg * degree);
-  return reach;
 }
 
 /// Plays a gesture at the boundaries of the steps.
@@ -78,7 +67,7 @@ class GesturePlayer {
  private:
   void begin(std::size_t index) {
     const auto& step = gesture_.steps[index];
-    grabbing_ = grab_.begin(step.path.front().ray, reach_of(step), step.radius_mm, step.selection);
+    grabbing_ = grab_.begin(step.path.front().ray, interaction::reach_of(step), step.radius_mm, step.selection);
     if (!grabbing_)
       warnings_.push_back({"gesture-missed", "steps[" + std::to_string(index) +
                                                  "] of the gesture met no tissue and did nothing."});
