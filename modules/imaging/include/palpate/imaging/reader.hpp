@@ -28,7 +28,9 @@ struct ReaderLimits {
 /// Reads MetaImage (.mha, .mhd), NRRD, NIfTI or DICOM, a file or a folder.
 /// The file is parsed in a child process (palpate-reader, found beside this
 /// program or by PALPATE_READER); the voxels come back through shared memory
-/// as 32-bit grey. Safe from any thread; several at once are fine.
+/// as 32-bit grey (colour by Rec. 601 luma). Times count from the first frame;
+/// min, max and mean are those of the frames that are handed on. Safe from any
+/// thread; several at once are fine.
 /// Throws Error(input) with a code: "not-found", "unsupported", "truncated",
 /// "bad-header", "too-large", "no-image", "several-series", "no-volume",
 /// "reader-crashed", "reader-timeout", "reader-memory", "reader-missing",
