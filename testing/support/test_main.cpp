@@ -1,8 +1,8 @@
+#include "palpate/testing/support.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cstdlib>
-
-#include "palpate/testing/support.hpp"
 
 // POCL keeps compiled kernels under the home folder unless it is told
 // otherwise; tests leave nothing there. A cache given from outside stays.

@@ -1,15 +1,14 @@
 #include "palpate/testing/support.hpp"
 
-#include <fcntl.h>
-#include <poll.h>
-#include <signal.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <array>
 #include <chrono>
 #include <cstdlib>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
 #include <stdexcept>
+#include <sys/wait.h>
+#include <unistd.h>
 
 namespace palpate::testing {
 
@@ -32,9 +31,12 @@ std::optional<std::filesystem::path> test_scan(const std::string& relative_path)
   return path;
 }
 
-std::filesystem::path program_folder() { return std::filesystem::read_symlink("/proc/self/exe").parent_path(); }
+std::filesystem::path program_folder() {
+  return std::filesystem::read_symlink("/proc/self/exe").parent_path();
+}
 
-ProgramResult run_program(const std::string& program, const std::vector<std::string>& arguments, double time_limit_s) {
+ProgramResult run_program(const std::string& program, const std::vector<std::string>& arguments,
+                          double time_limit_s) {
   const std::filesystem::path path = program_folder() / program;  // an absolute `program` replaces it
   std::array<int, 2> out{};
   std::array<int, 2> error{};
@@ -60,7 +62,8 @@ ProgramResult run_program(const std::string& program, const std::vector<std::str
   std::array<pollfd, 2> watched{pollfd{out[0], POLLIN, 0}, pollfd{error[0], POLLIN, 0}};
   int open_ends = 2;
   while (open_ends > 0) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
     if (left.count() <= 0) {
       kill(child, SIGKILL);
       result.error += "\n[ended by the test: over its time limit]";

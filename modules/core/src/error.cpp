@@ -9,6 +9,8 @@ Error::Error(ErrorKind kind, std::string code, const std::string& text, std::str
 
 void throw_usage(const std::string& text) { throw Error(ErrorKind::usage, "usage", text); }
 
-void throw_cancelled() { throw Error(ErrorKind::cancelled, "cancelled", "Stopped before it was done; nothing was changed."); }
+void throw_cancelled() {
+  throw Error(ErrorKind::cancelled, "cancelled", "Stopped before it was done; nothing was changed.");
+}
 
 }  // namespace palpate::core

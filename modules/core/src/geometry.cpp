@@ -1,10 +1,11 @@
 #include "palpate/core/geometry.hpp"
 
+#include "palpate/core/error.hpp"
+
 #include <Eigen/LU>
+
 #include <cmath>
 #include <sstream>
-
-#include "palpate/core/error.hpp"
 
 namespace palpate::core {
 
@@ -13,7 +14,8 @@ ImageGeometry::ImageGeometry(std::array<int, 3> dims, const Eigen::Vector3d& spa
     : dims_(dims), spacing_mm_(spacing_mm), origin_mm_(origin_mm), direction_(direction) {
   for (int axis = 0; axis < 3; ++axis) {
     if (dims_[axis] < 1)
-      throw Error(ErrorKind::input, "bad-dims", "The image has no voxels along axis " + std::to_string(axis) + ".");
+      throw Error(ErrorKind::input, "bad-dims",
+                  "The image has no voxels along axis " + std::to_string(axis) + ".");
     if (!(spacing_mm_[axis] > 0.0) || !std::isfinite(spacing_mm_[axis])) {
       std::ostringstream text;
       text << "The voxel spacing along axis " << axis << " is " << spacing_mm_[axis]
@@ -24,7 +26,8 @@ ImageGeometry::ImageGeometry(std::array<int, 3> dims, const Eigen::Vector3d& spa
   const double determinant = direction_.determinant();
   if (!direction_.allFinite() || !origin_mm_.allFinite() || !(std::abs(determinant) > 1e-6)) {
     std::ostringstream text;
-    text << "The direction matrix (determinant " << determinant << ") or the origin of the image cannot be used.";
+    text << "The direction matrix (determinant " << determinant
+         << ") or the origin of the image cannot be used.";
     throw Error(ErrorKind::input, "bad-direction", text.str());
   }
   ijk_to_lps_.setIdentity();
@@ -34,7 +37,8 @@ ImageGeometry::ImageGeometry(std::array<int, 3> dims, const Eigen::Vector3d& spa
 }
 
 std::size_t ImageGeometry::voxel_count() const noexcept {
-  return static_cast<std::size_t>(dims_[0]) * static_cast<std::size_t>(dims_[1]) * static_cast<std::size_t>(dims_[2]);
+  return static_cast<std::size_t>(dims_[0]) * static_cast<std::size_t>(dims_[1]) *
+         static_cast<std::size_t>(dims_[2]);
 }
 
 std::size_t ImageGeometry::index(int i, int j, int k) const noexcept {
@@ -46,7 +50,8 @@ std::size_t ImageGeometry::index(int i, int j, int k) const noexcept {
 std::array<int, 3> ImageGeometry::ijk_of(std::size_t index) const noexcept {
   const auto ni = static_cast<std::size_t>(dims_[0]);
   const auto nj = static_cast<std::size_t>(dims_[1]);
-  return {static_cast<int>(index % ni), static_cast<int>(index / ni % nj), static_cast<int>(index / (ni * nj))};
+  return {static_cast<int>(index % ni), static_cast<int>(index / ni % nj),
+          static_cast<int>(index / (ni * nj))};
 }
 
 bool ImageGeometry::contains(int i, int j, int k) const noexcept {

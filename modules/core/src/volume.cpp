@@ -1,10 +1,10 @@
 #include "palpate/core/volume.hpp"
 
+#include "palpate/core/error.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
-
-#include "palpate/core/error.hpp"
 
 namespace palpate::core {
 namespace {
@@ -60,10 +60,13 @@ float Volume::sample(const Eigen::Vector3d& ijk) const {
 }
 
 namespace {
-constexpr std::array<const char*, 6> provenance_words{"stated", "private", "derived", "assumed", "user", "absent"};
+constexpr std::array<const char*, 6> provenance_words{"stated",  "private", "derived",
+                                                      "assumed", "user",    "absent"};
 }
 
-std::string to_string(Provenance provenance) { return provenance_words[static_cast<std::size_t>(provenance)]; }
+std::string to_string(Provenance provenance) {
+  return provenance_words[static_cast<std::size_t>(provenance)];
+}
 
 Provenance provenance_from(const std::string& word) {
   for (std::size_t n = 0; n < provenance_words.size(); ++n)
@@ -72,9 +75,13 @@ Provenance provenance_from(const std::string& word) {
 }
 
 bool VolumeInfo::spacing_is_assumed() const noexcept {
-  return std::any_of(spacing_provenance.begin(), spacing_provenance.end(), [](Provenance p) {
-    return p == Provenance::assumed || p == Provenance::absent;
-  });
+  // An axis of one voxel has no lengths to be wrong about.
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const bool unknown =
+        spacing_provenance[axis] == Provenance::assumed || spacing_provenance[axis] == Provenance::absent;
+    if (unknown && geometry.dims()[axis] > 1) return true;
+  }
+  return false;
 }
 
 }  // namespace palpate::core

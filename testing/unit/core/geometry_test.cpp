@@ -1,9 +1,9 @@
 #include "palpate/core/geometry.hpp"
 
+#include "palpate/core/error.hpp"
+
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
-
-#include "palpate/core/error.hpp"
 
 using palpate::core::Error;
 using palpate::core::ImageGeometry;
@@ -11,7 +11,8 @@ using palpate::core::ImageGeometry;
 namespace {
 
 Eigen::Matrix3d oblique() {
-  return (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.7, Eigen::Vector3d::UnitX()))
+  return (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) *
+          Eigen::AngleAxisd(-0.7, Eigen::Vector3d::UnitX()))
       .toRotationMatrix();
 }
 

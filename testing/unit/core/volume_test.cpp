@@ -1,5 +1,10 @@
 #include "palpate/core/volume.hpp"
 
+#include "palpate/core/error.hpp"
+#include "palpate/core/latest_value.hpp"
+#include "palpate/core/mesh.hpp"
+#include "palpate/core/progress.hpp"
+
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -8,23 +13,20 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/core/error.hpp"
-#include "palpate/core/latest_value.hpp"
-#include "palpate/core/mesh.hpp"
-#include "palpate/core/progress.hpp"
-
 namespace core = palpate::core;
 
 TEST(Volume, RangeIsOverFiniteVoxels) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const core::Volume volume({{4, 1, 1}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()}, {nan, -2.0F, 4.0F, nan});
+  const core::Volume volume({{4, 1, 1}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()},
+                            {nan, -2.0F, 4.0F, nan});
   EXPECT_EQ(volume.range().min, -2.0F);
   EXPECT_EQ(volume.range().max, 4.0F);
   EXPECT_EQ(volume.range().mean, 1.0);
 }
 
 TEST(Volume, RefusesAWrongNumberOfVoxels) {
-  EXPECT_THROW(core::Volume({{2, 2, 2}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()}, {1.0F}), core::Error);
+  EXPECT_THROW(core::Volume({{2, 2, 2}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()}, {1.0F}),
+               core::Error);
 }
 
 TEST(Volume, SamplesALinearFieldExactly) {
@@ -41,6 +43,15 @@ TEST(Provenance, WordsGoThereAndBack) {
   for (const auto* word : {"stated", "private", "derived", "assumed", "user", "absent"})
     EXPECT_EQ(core::to_string(core::provenance_from(word)), word);
   EXPECT_THROW(core::provenance_from("guessed"), core::Error);
+}
+
+TEST(VolumeInfo, SpacingOfAnAxisWithOneVoxelDoesNotCount) {
+  core::VolumeInfo info;
+  info.spacing_provenance = {core::Provenance::stated, core::Provenance::stated, core::Provenance::assumed};
+  info.geometry = {{5, 4, 1}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()};
+  EXPECT_FALSE(info.spacing_is_assumed());
+  info.geometry = {{5, 4, 2}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()};
+  EXPECT_TRUE(info.spacing_is_assumed());
 }
 
 TEST(Mesh, NormalsOfATetrahedronPointOutwards) {

@@ -1,13 +1,13 @@
 #pragma once
 
+#include "palpate/core/error.hpp"
+
 #include <algorithm>
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <string>
 #include <utility>
-
-#include "palpate/core/error.hpp"
 
 namespace palpate::core {
 

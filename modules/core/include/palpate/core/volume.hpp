@@ -1,13 +1,14 @@
 #pragma once
 
+#include "palpate/core/geometry.hpp"
+
 #include <Eigen/Core>
+
 #include <array>
 #include <cstddef>
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "palpate/core/geometry.hpp"
 
 namespace palpate::core {
 

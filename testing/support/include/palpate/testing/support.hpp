@@ -26,7 +26,7 @@ std::optional<std::filesystem::path> test_scan(const std::string& relative_path)
 
 /// Exit code and what a program printed; `input` is what it reads.
 struct ProgramResult {
-  int exit_code = -1;       ///< -1 when a signal ended it
+  int exit_code = -1;  ///< -1 when a signal ended it
   int signal = 0;
   std::string out;
   std::string error;
@@ -40,7 +40,7 @@ std::filesystem::path program_folder();
 }  // namespace palpate::testing
 
 /// Skips a test, saying so, where a scan of the test data is missing.
-#define PALPATE_TEST_SCAN(variable, relative)                                                       \
-  const auto variable##_found = ::palpate::testing::test_scan(relative);                            \
+#define PALPATE_TEST_SCAN(variable, relative)                                                           \
+  const auto variable##_found = ::palpate::testing::test_scan(relative);                                \
   if (!variable##_found) GTEST_SKIP() << "test data missing: " << (relative) << " (PALPATE_TEST_DATA)"; \
   const std::filesystem::path& variable = *variable##_found
