@@ -149,7 +149,9 @@ TEST(Guard, InSmallBatchesItGoesBackToAStateFromBeforeTheBlowUp) {
     ASSERT_GT(guard.recoveries(), 0) << over;
     EXPECT_FALSE(guard.diverged()) << over;
     // Half a link: nothing is scrambled. (Over twice the limit, half the step is still too long.)
-    if (over < 2.0) EXPECT_LT(solver->health().max_displacement_mm, 0.5F) << over;
+    if (over < 2.0) {
+      EXPECT_LT(solver->health().max_displacement_mm, 0.5F) << over;
+    }
     for (int frame = 0; frame < 400; ++frame) guard.advance(1);
     EXPECT_LT(solver->health().max_displacement_mm, 0.2F) << over;
     EXPECT_LE(guard.recoveries(), 3) << over;
