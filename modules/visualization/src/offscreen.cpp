@@ -1,7 +1,7 @@
 #include "offscreen.hpp"
 
-#include <EGL/egl.h>
-#include <EGL/eglext.h>
+#include "palpate/core/error.hpp"
+
 #include <vtkCallbackCommand.h>
 #include <vtkGenericOpenGLRenderWindow.h>
 #include <vtkNew.h>
@@ -10,30 +10,33 @@
 #include <vtkRendererCollection.h>
 #include <vtkUnsignedCharArray.h>
 
+#include <EGL/egl.h>
+#include <EGL/eglext.h>
 #include <cstdio>
 #include <cstring>
 #include <exception>
 #include <mutex>
 #include <thread>
 
-#include "palpate/core/error.hpp"
-
 namespace palpate::visualization {
 namespace {
 
 // Asked for by name, as EGL hands it out; the GL library itself is not linked.
 constexpr unsigned gl_renderer = 0x1F01;
+constexpr unsigned depth_less_or_equal = 0x0203;
 
 [[noreturn]] void no_renderer(const std::string& details) {
-  throw core::Error(core::ErrorKind::internal, "no-renderer",
-                    "Pictures cannot be drawn: no OpenGL driver that draws without a window was found. Install "
-                    "Mesa's EGL driver (libegl-mesa0 and libgl1-mesa-dri) or the graphics card's own driver.",
-                    details);
+  throw core::Error(
+      core::ErrorKind::internal, "no-renderer",
+      "Pictures cannot be drawn: no OpenGL driver that draws without a window was found. Install "
+      "Mesa's EGL driver (libegl-mesa0 and libgl1-mesa-dri) or the graphics card's own driver.",
+      details);
 }
 
 std::string egl_error(const char* call) {
   char text[96];
-  std::snprintf(text, sizeof text, "%s failed (EGL error 0x%04x)", call, static_cast<unsigned>(eglGetError()));
+  std::snprintf(text, sizeof text, "%s failed (EGL error 0x%04x)", call,
+                static_cast<unsigned>(eglGetError()));
   return text;
 }
 
@@ -75,8 +78,13 @@ class EglContext {
     EGLint count = 0;
     if (eglChooseConfig(display_, wanted, &config, 1, &count) != EGL_TRUE || count == 0)
       no_renderer(complaints + egl_error("eglChooseConfig"));
-    const EGLint version[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 2,
-                              EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+    const EGLint version[] = {EGL_CONTEXT_MAJOR_VERSION,
+                              3,
+                              EGL_CONTEXT_MINOR_VERSION,
+                              2,
+                              EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                              EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                              EGL_NONE};
     context_ = eglCreateContext(display_, config, EGL_NO_CONTEXT, version);
     if (context_ == EGL_NO_CONTEXT) no_renderer(complaints + egl_error("eglCreateContext"));
     if (eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_) != EGL_TRUE) {
@@ -84,6 +92,10 @@ class EglContext {
       eglDestroyContext(display_, context_);
       no_renderer(complaints + reason);
     }
+    // VTK draws over what lies at the same depth; GL starts the other way.
+    using SetDepthFunction = void (*)(unsigned);
+    const auto set_depth_function = reinterpret_cast<SetDepthFunction>(eglGetProcAddress("glDepthFunc"));
+    if (set_depth_function != nullptr) set_depth_function(depth_less_or_equal);
   }
   ~EglContext() {
     eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
@@ -111,8 +123,7 @@ class EglContext {
 class CanvasWindow : public vtkGenericOpenGLRenderWindow {
  public:
   static CanvasWindow* New();
-  vtkTypeMacro(CanvasWindow, vtkGenericOpenGLRenderWindow)
-  void OpenGLInitContext() override {
+  vtkTypeMacro(CanvasWindow, vtkGenericOpenGLRenderWindow) void OpenGLInitContext() override {
     Superclass::OpenGLInitContext();
     Initialized = true;
     GlewInitValid = true;
@@ -124,9 +135,9 @@ class CanvasWindow : public vtkGenericOpenGLRenderWindow {
 };
 vtkStandardNewMacro(CanvasWindow)
 
-/// VTK complains that its loader found no X display and then draws all the
-/// same; an observer takes those words in place of the user's terminal.
-void keep_words(vtkObject* /*caller*/, unsigned long /*event*/, void* words, void* data) {
+    /// VTK complains that its loader found no X display and then draws all the
+    /// same; an observer takes those words in place of the user's terminal.
+    void keep_words(vtkObject* /*caller*/, unsigned long /*event*/, void* words, void* data) {
   if (data != nullptr) *static_cast<std::string*>(words) += static_cast<const char*>(data);
 }
 
@@ -160,7 +171,11 @@ struct OffscreenCanvas::Impl {
 
 OffscreenCanvas::OffscreenCanvas() : impl_(std::make_unique<Impl>()) {}
 OffscreenCanvas::~OffscreenCanvas() = default;
-const std::string& OffscreenCanvas::renderer_name() const noexcept { return impl_->name; }
+
+std::string OffscreenCanvas::probe_renderer_name() {
+  const EglContext context;
+  return EglContext::renderer_name();
+}
 
 std::vector<std::uint8_t> OffscreenCanvas::draw(vtkRenderer& renderer, int width_px, int height_px) {
   vtkGenericOpenGLRenderWindow* window = impl_->window;

@@ -21,8 +21,8 @@ class OffscreenCanvas {
   OffscreenCanvas(const OffscreenCanvas&) = delete;
   OffscreenCanvas& operator=(const OffscreenCanvas&) = delete;
 
-  /// GL_RENDERER.
-  const std::string& renderer_name() const noexcept;
+  /// GL_RENDERER of such a context, without a window.
+  static std::string probe_renderer_name();
   /// Draws; RGBA, bottom row first, alpha premultiplied.
   std::vector<std::uint8_t> draw(vtkRenderer& renderer, int width_px, int height_px);
 

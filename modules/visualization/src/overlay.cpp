@@ -1,5 +1,7 @@
 #include "overlay.hpp"
 
+#include "text_image.hpp"
+
 #include <vtkActor2D.h>
 #include <vtkCellArray.h>
 #include <vtkFloatArray.h>
@@ -19,8 +21,6 @@
 #include <cmath>
 #include <cstring>
 #include <tuple>
-
-#include "text_image.hpp"
 
 namespace palpate::visualization {
 namespace {
@@ -91,8 +91,8 @@ struct Overlay::Impl {
 
   /// The next label of this layout, with the pixels of `words`; null for empty ones.
   Label* label_for(const std::string& words, const TextStyle& style) {
-    const std::tuple<int, int, int, int, int, bool, bool> look{style.size_px, style.color.r, style.color.g,
-                                                               style.color.b, style.color.a, style.bold, style.halo};
+    const std::tuple<int, int, int, int, int, bool, bool> look{
+        style.size_px, style.color.r, style.color.g, style.color.b, style.color.a, style.bold, style.halo};
     if (used == labels.size()) {
       labels.push_back(std::make_unique<Label>());
       renderer.AddActor2D(labels.back()->actor);
@@ -118,7 +118,8 @@ struct Overlay::Impl {
     const Eigen::Vector2d w = across * label.width_px;
     const Eigen::Vector2d h = upward * label.height_px;
     const Eigen::Vector2d corners[4] = {origin, origin + w, origin + w + h, origin + h};
-    for (int n = 0; n < 4; ++n) label.points->SetPoint(n, corners[n].x() - tile.x, corners[n].y() - tile.y, 0.0);
+    for (int n = 0; n < 4; ++n)
+      label.points->SetPoint(n, corners[n].x() - tile.x, corners[n].y() - tile.y, 0.0);
     label.points->Modified();
     label.data->Modified();
     label.actor->VisibilityOn();
@@ -175,7 +176,8 @@ void Overlay::line(const Eigen::Vector2d& from, const Eigen::Vector2d& to, doubl
   polygon({from - side, to - side, to + side, from + side}, color);
 }
 
-Eigen::Vector2d Overlay::text(const std::string& words, const Eigen::Vector2d& place, const TextStyle& style) {
+Eigen::Vector2d Overlay::text(const std::string& words, const Eigen::Vector2d& place,
+                              const TextStyle& style) {
   Label* label = impl_->label_for(words, style);
   if (label == nullptr) return Eigen::Vector2d::Zero();
   const Eigen::Vector2d size(label->width_px - 2 * label->margin_px, label->height_px - 2 * label->margin_px);
@@ -186,11 +188,13 @@ Eigen::Vector2d Overlay::text(const std::string& words, const Eigen::Vector2d& p
   return size;
 }
 
-void Overlay::text_on_face(const std::string& words, const Eigen::Vector2d& middle, const Eigen::Vector2d& across,
-                           const Eigen::Vector2d& upward, const TextStyle& style) {
+void Overlay::text_on_face(const std::string& words, const Eigen::Vector2d& middle,
+                           const Eigen::Vector2d& across, const Eigen::Vector2d& upward,
+                           const TextStyle& style) {
   Label* label = impl_->label_for(words, style);
   if (label == nullptr) return;
-  const Eigen::Vector2d origin = middle - across * (0.5 * label->width_px) - upward * (0.5 * label->height_px);
+  const Eigen::Vector2d origin =
+      middle - across * (0.5 * label->width_px) - upward * (0.5 * label->height_px);
   impl_->place(*label, origin, across, upward);
 }
 

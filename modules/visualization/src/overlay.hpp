@@ -1,11 +1,12 @@
 #pragma once
 
+#include "palette.hpp"
+
 #include <Eigen/Core>
+
 #include <memory>
 #include <string>
 #include <vector>
-
-#include "palette.hpp"
 
 class vtkRenderer;
 

@@ -51,7 +51,8 @@ Rgba ember_color(double t) {
   const double u = std::clamp(t, 0.0, 1.0);
   // The hue turns from violet (-60 degrees) through red to sand; the chroma
   // is largest in the middle, where the screen's gamut is widest.
-  return from_oklch(mix(0.36, 0.93, u), 0.08 + 0.10 * std::sin(pi * std::min(1.0, u * 1.02)), mix(-62.0, 88.0, u));
+  return from_oklch(mix(0.36, 0.93, u), 0.08 + 0.10 * std::sin(pi * std::min(1.0, u * 1.02)),
+                    mix(-62.0, 88.0, u));
 }
 
 float quantile(const float* values, std::size_t count, double fraction) {

@@ -1,10 +1,10 @@
 #pragma once
 
+#include "palpate/visualization/scene.hpp"
+
 #include <array>
 #include <cstdint>
 #include <vector>
-
-#include "palpate/visualization/scene.hpp"
 
 namespace palpate::visualization {
 
@@ -29,8 +29,8 @@ Rgba plane_color(SlicePlane plane);
 
 /// Colour maps of t in [0, 1]; lightness grows evenly with t, so that they
 /// keep their order in grey print and for colour-blind eyes.
-Rgba flesh_color(double t);   ///< dark muscle to pale tissue: the surface
-Rgba ember_color(double t);   ///< violet over coral to sand: points and links
+Rgba flesh_color(double t);  ///< dark muscle to pale tissue: the surface
+Rgba ember_color(double t);  ///< violet over coral to sand: points and links
 
 /// Values mapped once to RGB triples. The ends of the map are the 2 % and
 /// 98 % quantiles of `values`, so that single specks do not flatten it.

@@ -1,6 +1,7 @@
 #include "slice_geometry.hpp"
 
 #include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -111,7 +112,8 @@ std::vector<Eigen::Vector3f> cut_by_plane(const float* vertices, std::size_t ver
   for (const auto& triangle : triangles) {
     if (triangle[0] >= vertex_count || triangle[1] >= vertex_count || triangle[2] >= vertex_count) continue;
     // A vertex on the plane counts as above it, so each crossed face gives one piece.
-    const bool above[3] = {heights[triangle[0]] >= 0.0F, heights[triangle[1]] >= 0.0F, heights[triangle[2]] >= 0.0F};
+    const bool above[3] = {heights[triangle[0]] >= 0.0F, heights[triangle[1]] >= 0.0F,
+                           heights[triangle[2]] >= 0.0F};
     if (above[0] == above[1] && above[1] == above[2]) continue;
     for (std::size_t corner = 0; corner < 3; ++corner) {
       const std::size_t next = (corner + 1) % 3;

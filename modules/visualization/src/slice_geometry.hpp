@@ -1,13 +1,14 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <string>
-#include <vector>
-
 #include "palpate/core/geometry.hpp"
 #include "palpate/core/mesh.hpp"
 #include "palpate/visualization/scene.hpp"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <string>
+#include <vector>
 
 namespace palpate::visualization {
 

@@ -1,10 +1,10 @@
 // What a slice view draws over its slice: outline, grab, crosshair, frame and words.
+#include "slice_scene.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-
-#include "slice_scene.hpp"
 
 namespace palpate::visualization {
 namespace {
@@ -31,7 +31,9 @@ std::string with_decimals(double value, int decimals) {
 
 }  // namespace
 
-double SliceScene::px(double at_scale_one) const { return std::max(1.0, std::round(at_scale_one * text_scale_)); }
+double SliceScene::px(double at_scale_one) const {
+  return std::max(1.0, std::round(at_scale_one * text_scale_));
+}
 
 int SliceScene::font_px(double at_scale_one) const {
   return static_cast<int>(std::lround(at_scale_one * text_scale_));
@@ -68,8 +70,8 @@ void SliceScene::draw_outline(const Projection& projection) {
 void SliceScene::draw_grab(const Projection& projection) {
   if (!content_.grab) return;
   const GrabMarker& grab = *content_.grab;
-  const double height = (grab.origin_mm - slice_center_mm(content_.volume.geometry(), frame_.axis, slice()))
-                            .dot(frame_.toward);
+  const double height =
+      (grab.origin_mm - slice_center_mm(content_.volume.geometry(), frame_.axis, slice())).dot(frame_.toward);
   const double squared = grab.radius_mm * grab.radius_mm - height * height;
   if (!(squared > 0.0)) return;
   const double radius = std::sqrt(squared) / projection.mm_per_px;
@@ -91,14 +93,15 @@ void SliceScene::draw_crosshair(const Tile& tile, const Projection& projection) 
   ijk[frame_.axis] = slice();
   const Eigen::Vector2d middle = on_screen(projection, geometry.to_lps_mm(ijk));
   const double gap = 9.0 * text_scale_;
-  const double reach = 2.0 * std::hypot(tile.view_width, tile.view_height) +
-                       (middle - projection.middle_px).norm();
+  const double reach =
+      2.0 * std::hypot(tile.view_width, tile.view_height) + (middle - projection.middle_px).norm();
   // The plane that steps along one axis of the slice cuts it along the other.
-  const std::array<std::array<int, 2>, 2> lines{{{frame_.horizontal_axis, frame_.vertical_axis},
-                                                 {frame_.vertical_axis, frame_.horizontal_axis}}};
+  const std::array<std::array<int, 2>, 2> lines{
+      {{frame_.horizontal_axis, frame_.vertical_axis}, {frame_.vertical_axis, frame_.horizontal_axis}}};
   for (const auto& [stepped, along] : lines) {
     const Eigen::Vector3d step = geometry.ijk_to_lps_mm().block<3, 1>(0, along);
-    const Eigen::Vector2d direction = Eigen::Vector2d(step.dot(frame_.right), step.dot(frame_.up)).normalized();
+    const Eigen::Vector2d direction =
+        Eigen::Vector2d(step.dot(frame_.right), step.dot(frame_.up)).normalized();
     const Rgba color = with_alpha(plane_color(plane_of_axis(geometry, stepped)), 210);
     for (const double sign : {-1.0, 1.0})
       overlay_.line(middle + direction * (sign * gap), middle + direction * (sign * reach), px(1.0), color);
@@ -135,8 +138,8 @@ std::string SliceScene::spacing_text() const {
   const std::string badge = content_.spacing_badge.empty() ? "" : " · " + content_.spacing_badge;
   if (content_.spacing_assumed) return "spacing unknown" + badge;
   const Eigen::Vector3d& spacing = content_.volume.geometry().spacing_mm();
-  return short_number(spacing[0]) + " × " + short_number(spacing[1]) + " × " + short_number(spacing[2]) + " mm" +
-         badge;
+  return short_number(spacing[0]) + " × " + short_number(spacing[1]) + " × " + short_number(spacing[2]) +
+         " mm" + badge;
 }
 
 void SliceScene::draw_corner_text(const Tile& tile) {
@@ -175,7 +178,8 @@ void SliceScene::draw_side_letters(const Tile& tile) {
   const double inset = std::round(9.0 * text_scale_);
   const double w = tile.view_width;
   const double h = tile.view_height;
-  const auto put = [&](const Eigen::Vector3d& side, const Eigen::Vector2d& place, Align horizontal, Align vertical) {
+  const auto put = [&](const Eigen::Vector3d& side, const Eigen::Vector2d& place, Align horizontal,
+                       Align vertical) {
     style.horizontal = horizontal;
     style.vertical = vertical;
     overlay_.text(side_letters(side), place, style);
@@ -202,8 +206,8 @@ void SliceScene::draw_scale_bar(const Tile& tile, const Projection& projection) 
   overlay_.rectangle(left, inset, left + thick, inset + tick, text_color);
   overlay_.rectangle(right - thick, inset, right, inset + tick, text_color);
   style.horizontal = Align::middle;
-  overlay_.text(length_text(length, content_.spacing_assumed), {0.5 * (left + right), inset + thick + px(4.0)},
-                style);
+  overlay_.text(length_text(length, content_.spacing_assumed),
+                {0.5 * (left + right), inset + thick + px(4.0)}, style);
 }
 
 }  // namespace palpate::visualization

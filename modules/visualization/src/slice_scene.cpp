@@ -2,9 +2,7 @@
 
 #include <vtkCallbackCommand.h>
 #include <vtkCamera.h>
-#include <vtkFloatArray.h>
 #include <vtkImageProperty.h>
-#include <vtkPointData.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,30 +17,7 @@ void on_start(vtkObject* /*caller*/, unsigned long /*event*/, void* scene, void*
   static_cast<SliceScene*>(scene)->lay_out();
 }
 
-bool same_geometry(const core::Volume& a, const core::Volume& b) {
-  return a.empty() == b.empty() && (a.empty() || a.geometry() == b.geometry());
-}
-
 }  // namespace
-
-VoxelImage::VoxelImage() = default;
-
-bool VoxelImage::set_volume(const core::Volume& volume) {
-  if (volume_.data() == volume.data() && same_geometry(volume_, volume)) return false;
-  volume_ = volume;
-  image_->Initialize();
-  if (volume.empty()) return true;
-  const auto& dims = volume.dims();
-  image_->SetDimensions(dims[0], dims[1], dims[2]);
-  vtkNew<vtkFloatArray> values;
-  // VTK has no arrays of const; it only reads these.
-  values->SetArray(const_cast<float*>(volume.data()), static_cast<vtkIdType>(volume.size()), 1);
-  image_->GetPointData()->SetScalars(values);
-  const Eigen::Matrix4d& matrix = volume.geometry().ijk_to_lps_mm();
-  for (int row = 0; row < 4; ++row)
-    for (int column = 0; column < 4; ++column) ijk_to_lps_->SetElement(row, column, matrix(row, column));
-  return true;
-}
 
 SliceScene::SliceScene(SlicePlane plane) : plane_(plane), overlay_(*renderer_) {
   mapper_->BorderOn();  // whole voxels at the edge, not their inner halves
@@ -142,15 +117,16 @@ SliceScene::Projection SliceScene::projection(const Tile& tile) const {
   Projection projection;
   projection.half_height_mm = std::max(half.y(), half.x() / aspect) * margin / zoom_;
   projection.mm_per_px = 2.0 * projection.half_height_mm / tile.view_height;
-  projection.middle_mm = slice_center_mm(geometry, frame_.axis, slice()) + pan_mm_.x() * frame_.right +
-                         pan_mm_.y() * frame_.up;
+  projection.middle_mm =
+      slice_center_mm(geometry, frame_.axis, slice()) + pan_mm_.x() * frame_.right + pan_mm_.y() * frame_.up;
   projection.middle_px = Eigen::Vector2d(tile.view_width, tile.view_height) * 0.5;
   return projection;
 }
 
 Eigen::Vector2d SliceScene::on_screen(const Projection& projection, const Eigen::Vector3d& lps_mm) const {
   const Eigen::Vector3d offset = lps_mm - projection.middle_mm;
-  return projection.middle_px + Eigen::Vector2d(offset.dot(frame_.right), offset.dot(frame_.up)) / projection.mm_per_px;
+  return projection.middle_px +
+         Eigen::Vector2d(offset.dot(frame_.right), offset.dot(frame_.up)) / projection.mm_per_px;
 }
 
 Eigen::Vector3d SliceScene::place_at(double x_px, double y_px) const {

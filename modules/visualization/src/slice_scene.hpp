@@ -1,36 +1,19 @@
 #pragma once
 
-#include <vtkImageData.h>
+#include "overlay.hpp"
+#include "slice_geometry.hpp"
+#include "voxel_image.hpp"
+
+#include "palpate/visualization/scene.hpp"
+
 #include <vtkImageSlice.h>
 #include <vtkImageSliceMapper.h>
-#include <vtkMatrix4x4.h>
 #include <vtkNew.h>
 #include <vtkRenderer.h>
 
-#include <memory>
 #include <vector>
 
-#include "overlay.hpp"
-#include "palpate/visualization/scene.hpp"
-#include "slice_geometry.hpp"
-
 namespace palpate::visualization {
-
-/// Voxels as a VTK image in pure index space, sharing their memory.
-class VoxelImage {
- public:
-  VoxelImage();
-  /// False when nothing changed.
-  bool set_volume(const core::Volume& volume);
-  const core::Volume& volume() const noexcept { return volume_; }
-  vtkImageData* image() const { return image_; }
-  vtkMatrix4x4* ijk_to_lps() const { return ijk_to_lps_; }
-
- private:
-  core::Volume volume_;  ///< keeps the voxels alive while VTK points at them
-  vtkNew<vtkImageData> image_;
-  vtkNew<vtkMatrix4x4> ijk_to_lps_;
-};
 
 /// What a SliceView shows, and the same for pictures, tile by tile.
 class SliceScene {

@@ -7,6 +7,7 @@
 #include <vtkTextRenderer.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <mutex>
 
 namespace palpate::visualization {
@@ -19,11 +20,41 @@ struct Coverage {
   std::vector<std::uint8_t> value;
 };
 
+/// A plain sans serif where the system has one; VTK's own face is too light
+/// and too round to be read at this size.
+const std::string& font_file() {
+  static const std::string file = [] {
+    for (const char* candidate :
+         {"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
+          "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf", "/usr/share/fonts/TTF/DejaVuSans.ttf",
+          "/usr/share/fonts/truetype/liberation/LiberationSans-Regular.ttf"}) {
+      std::error_code ignored;
+      if (std::filesystem::is_regular_file(candidate, ignored)) return std::string(candidate);
+    }
+    return std::string();
+  }();
+  return file;
+}
+
+/// The bold face beside a plain one, else the plain one.
+std::string bold_of(const std::string& plain) {
+  const std::filesystem::path path(plain);
+  std::string stem = path.stem().string();
+  if (const auto cut = stem.find("-Regular"); cut != std::string::npos) stem.erase(cut);
+  const std::filesystem::path bold = path.parent_path() / (stem + "-Bold" + path.extension().string());
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(bold, ignored) ? bold.string() : plain;
+}
+
 Coverage letters_of(const std::string& text, int size_px, bool bold) {
   static std::mutex one_at_a_time;
   const std::lock_guard<std::mutex> lock(one_at_a_time);
   vtkNew<vtkTextProperty> property;
   property->SetFontFamilyToArial();
+  if (const std::string file = bold ? bold_of(font_file()) : font_file(); !file.empty()) {
+    property->SetFontFamily(VTK_FONT_FILE);
+    property->SetFontFile(file.c_str());
+  }
   property->SetFontSize(size_px);
   property->SetBold(bold ? 1 : 0);
   property->SetColor(1.0, 1.0, 1.0);
@@ -31,7 +62,9 @@ Coverage letters_of(const std::string& text, int size_px, bool bold) {
   int dims[2] = {0, 0};
   constexpr int dots_per_inch = 72;  // a point is then a pixel
   vtkTextRenderer* renderer = vtkTextRenderer::GetInstance();
-  if (renderer == nullptr || !renderer->RenderString(property, vtkStdString(text), image, dims, dots_per_inch)) return {};
+  if (renderer == nullptr ||
+      !renderer->RenderString(property, vtkStdString(text), image, dims, dots_per_inch))
+    return {};
   Coverage coverage;
   const int* extent = image->GetExtent();
   coverage.width = std::min(dims[0], extent[1] - extent[0] + 1);
@@ -39,7 +72,8 @@ Coverage letters_of(const std::string& text, int size_px, bool bold) {
   if (coverage.width <= 0 || coverage.height <= 0 || image->GetNumberOfScalarComponents() != 4) return {};
   for (int y = 0; y < coverage.height; ++y) {
     for (int x = 0; x < coverage.width; ++x) {
-      const auto* pixel = static_cast<const std::uint8_t*>(image->GetScalarPointer(extent[0] + x, extent[2] + y, 0));
+      const auto* pixel =
+          static_cast<const std::uint8_t*>(image->GetScalarPointer(extent[0] + x, extent[2] + y, 0));
       coverage.value.push_back(pixel[3]);
     }
   }
@@ -53,7 +87,8 @@ void blur(std::vector<int>& values, int count, int lines, int stride, int line_s
     int* start = values.data() + l * line_stride;
     for (int n = 0; n < count; ++n) {
       int sum = 0;
-      for (int m = std::max(0, n - radius); m <= std::min(count - 1, n + radius); ++m) sum += start[m * stride];
+      for (int m = std::max(0, n - radius); m <= std::min(count - 1, n + radius); ++m)
+        sum += start[m * stride];
       line[static_cast<std::size_t>(n)] = sum / (2 * radius + 1);
     }
     for (int n = 0; n < count; ++n) start[n * stride] = line[static_cast<std::size_t>(n)];

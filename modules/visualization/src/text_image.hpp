@@ -1,10 +1,10 @@
 #pragma once
 
+#include "palette.hpp"
+
 #include <cstdint>
 #include <string>
 #include <vector>
-
-#include "palette.hpp"
 
 namespace palpate::visualization {
 
