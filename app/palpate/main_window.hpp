@@ -58,6 +58,9 @@ class MainWindow : public QMainWindow {
   void build_centre();
   void build_side();
   void build_tools();
+  void build_file_buttons();
+  void build_tool_buttons();
+  void build_layout_buttons();
   void wire_files();
   void wire_views();
   void wire_simulation();

@@ -34,9 +34,18 @@ void MainWindow::build_tools() {
   ui_->actionSideBySide->setIcon(icon("layout-side"));
   ui_->actionTissueLarge->setIcon(icon("layout-three"));
   ui_->actionMaximise->setIcon(icon("maximise"));
+  ui_->actionSurface->setIcon(icon("surface"));
+  ui_->actionPoints->setIcon(icon("points"));
+  ui_->actionLinks->setIcon(icon("links"));
   ui_->actionFitView->setIcon(icon("fit"));
   ui_->actionKeys->setIcon(icon("help"));
 
+  build_file_buttons();
+  build_tool_buttons();
+  build_layout_buttons();
+}
+
+void MainWindow::build_file_buttons() {
   auto* open = new QToolButton(this);
   open->setObjectName(QStringLiteral("openToolButton"));
   open->setPopupMode(QToolButton::InstantPopup);
@@ -55,7 +64,9 @@ void MainWindow::build_tools() {
     qobject_cast<QToolButton*>(ui_->toolBar->widgetForAction(action))->setToolButtonStyle(Qt::ToolButtonIconOnly);
   }
   ui_->toolBar->addSeparator();
+}
 
+void MainWindow::build_tool_buttons() {
   tools_ = new QActionGroup(this);
   int number = 0;
   for (const auto& tool : tools()) {
@@ -78,7 +89,9 @@ void MainWindow::build_tools() {
     }
     if (help_->isVisible()) help_->show_tool(state_.tool());
   });
+}
 
+void MainWindow::build_layout_buttons() {
   auto* layouts = new QActionGroup(this);
   const std::pair<QAction*, ViewLayout> choices[] = {{ui_->actionFourUp, ViewLayout::four_up},
                                                      {ui_->actionSideBySide, ViewLayout::side_by_side},
@@ -87,7 +100,17 @@ void MainWindow::build_tools() {
     layouts->addAction(action);
     connect(action, &QAction::triggered, this, [this, chosen = layout] { views_->set_layout(chosen); });
   }
-  layouts->setExclusive(true);
+  using visualization::Show;
+  auto* shows = new QActionGroup(this);
+  const std::pair<QAction*, Show> shown[] = {
+      {ui_->actionSurface, Show::surface}, {ui_->actionPoints, Show::points}, {ui_->actionLinks, Show::links}};
+  for (const auto& [action, show] : shown) {
+    shows->addAction(action);
+    connect(action, &QAction::triggered, this, [this, chosen = show] { state_.set_show(chosen); });
+    connect(&state_, &ViewState::showChanged, action,
+            [this, made = action, chosen = show] { made->setChecked(state_.settings().show == chosen); });
+  }
+  ui_->actionSurface->setChecked(true);
   connect(views_, &ViewGrid::layoutChanged, this, [this] {
     ui_->actionFourUp->setChecked(views_->view_layout() == ViewLayout::four_up);
     ui_->actionSideBySide->setChecked(views_->view_layout() == ViewLayout::side_by_side);

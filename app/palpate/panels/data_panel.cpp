@@ -22,6 +22,8 @@ DataPanel::DataPanel(Workbench& workbench, QWidget* parent)
   connect(&workbench_, &Workbench::tissueDropped, this, &DataPanel::show_note);
   ui_->rereadButton->setEnabled(false);
   ui_->warningsLabel->hide();
+  ui_->infoBox->hide();
+  ui_->moreButton->hide();
   show_note();
 }
 
@@ -52,6 +54,8 @@ void DataPanel::show_volume() {
   ui_->spacingY->setValue(spacing[1]);
   ui_->spacingZ->setValue(spacing[2]);
   ui_->rereadButton->setEnabled(true);
+  ui_->infoBox->show();
+  ui_->moreButton->show();
   show_note();
 }
 

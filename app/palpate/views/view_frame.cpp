@@ -1,7 +1,6 @@
 #include "views/view_frame.hpp"
 
 #include <QHBoxLayout>
-#include <QLabel>
 #include <QSignalBlocker>
 #include <QSlider>
 #include <QToolButton>
@@ -13,8 +12,8 @@
 
 namespace palpate::gui {
 
-ViewFrame::ViewFrame(const QString& id, const QString& title, const QColor& color, GlView* view, QWidget* parent)
-    : QFrame(parent), view_(view), header_(new QHBoxLayout), maximise_(new QToolButton(this)) {
+ViewFrame::ViewFrame(const QString& id, const QString& title, GlView* view, QWidget* parent)
+    : QFrame(parent), view_(view), column_(new QVBoxLayout), maximise_(new QToolButton(this)) {
   setObjectName(id + QStringLiteral("Frame"));
   setProperty("block", "viewFrame");
   setFrameShape(QFrame::NoFrame);
@@ -22,49 +21,38 @@ ViewFrame::ViewFrame(const QString& id, const QString& title, const QColor& colo
   view_->setObjectName(id + QStringLiteral("View"));
   view_->setAccessibleName(tr("%1 view").arg(title));
 
-  auto* edge = new QFrame(this);
-  edge->setFixedHeight(2);
-  edge->setStyleSheet(QStringLiteral("background: %1;").arg(color.name()));
-
-  auto* name = new QLabel(title, this);
-  name->setStyleSheet(QStringLiteral("color: %1; font-weight: 600;").arg(color.name()));
   maximise_->setObjectName(id + QStringLiteral("Maximise"));
   maximise_->setAutoRaise(true);
   maximise_->setIconSize({16, 16});
   maximise_->setAccessibleName(tr("Show only the %1 view").arg(title));
-  header_->setContentsMargins(8, 0, 4, 0);
-  header_->setSpacing(4);
-  header_->addWidget(name);
-  header_->addStretch();
-  header_->addWidget(maximise_);
+  column_->setContentsMargins(0, 4, 0, 4);
+  column_->setSpacing(4);
+  column_->addWidget(maximise_, 0, Qt::AlignHCenter);
 
-  auto* row = new QHBoxLayout;
+  auto* row = new QHBoxLayout(this);
   row->setContentsMargins(0, 0, 0, 0);
   row->setSpacing(0);
   row->addWidget(view_, 1);
-  add_slider(id, row);
-
-  auto* column = new QVBoxLayout(this);
-  column->setContentsMargins(0, 0, 0, 0);
-  column->setSpacing(0);
-  column->addWidget(edge);
-  column->addLayout(header_);
-  column->addLayout(row, 1);
+  row->addLayout(column_);
+  add_slider(id);
 
   connect(maximise_, &QToolButton::clicked, this, &ViewFrame::maximiseRequested);
   connect(view_, &GlView::maximiseRequested, this, &ViewFrame::maximiseRequested);
   set_maximised(false);
 }
 
-void ViewFrame::add_slider(const QString& id, QHBoxLayout* row) {
+void ViewFrame::add_slider(const QString& id) {
   auto* slice = qobject_cast<SliceWidget*>(view_);
-  if (slice == nullptr) return;
+  if (slice == nullptr) {
+    column_->addStretch();
+    return;
+  }
   slider_ = new QSlider(Qt::Vertical, this);
   slider_->setObjectName(id + QStringLiteral("Slider"));
   slider_->setAccessibleName(tr("Slice"));
   slider_->setToolTip(tr("Slice (wheel over the view, ← →)"));
-  slider_->setFixedWidth(16);
-  row->addWidget(slider_);
+  slider_->setFixedWidth(24);
+  column_->addWidget(slider_, 1);
   connect(slider_, &QSlider::valueChanged, slice, &SliceWidget::set_slice);
   connect(slice, &SliceWidget::sliceChanged, this, &ViewFrame::refresh_slider);
   connect(slice, &GlView::rendered, this, &ViewFrame::refresh_slider);
@@ -85,6 +73,8 @@ void ViewFrame::set_maximised(bool maximised) {
                                   : tr("Show only this view (double click)"));
 }
 
-void ViewFrame::add_button(QToolButton* button) { header_->insertWidget(header_->count() - 1, button); }
+void ViewFrame::add_button(QToolButton* button) {
+  column_->insertWidget(column_->count() - 1, button, 0, Qt::AlignHCenter);
+}
 
 }  // namespace palpate::gui

@@ -4,33 +4,34 @@
 
 #include "views/gl_view.hpp"
 
-class QHBoxLayout;
 class QSlider;
 class QToolButton;
+class QVBoxLayout;
 
 namespace palpate::gui {
 
-/// A view with its coloured edge, title, slice slider and maximise button.
+/// A view with a narrow column at its right: maximise button, slice slider or
+/// the view's own buttons. The view itself draws its title and coloured edge.
 class ViewFrame : public QFrame {
   Q_OBJECT
 
  public:
   /// `id` names the widgets: "axial" gives axialView, axialSlider, axialMaximise.
-  ViewFrame(const QString& id, const QString& title, const QColor& color, GlView* view, QWidget* parent);
+  ViewFrame(const QString& id, const QString& title, GlView* view, QWidget* parent);
   GlView& view() const { return *view_; }
   void set_maximised(bool maximised);
-  /// Buttons of the view, left of the maximise button.
+  /// Buttons of the view, below the maximise button.
   void add_button(QToolButton* button);
 
  signals:
   void maximiseRequested();
 
  private:
-  void add_slider(const QString& id, QHBoxLayout* row);
+  void add_slider(const QString& id);
   void refresh_slider();
 
   GlView* view_;
-  QHBoxLayout* header_;
+  QVBoxLayout* column_;
   QSlider* slider_ = nullptr;
   QToolButton* maximise_;
 };

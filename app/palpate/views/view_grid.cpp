@@ -6,7 +6,6 @@
 #include <QToolButton>
 
 #include "icons.hpp"
-#include "theme.hpp"
 
 namespace palpate::gui {
 
@@ -23,12 +22,12 @@ ViewGrid::ViewGrid(Workbench& workbench, ViewState& state, QWidget* parent)
   grid_->setContentsMargins(0, 0, 0, 0);
   grid_->setSpacing(2);
   const auto slice = [&](SlicePlane plane) { return new SliceWidget(plane, workbench, state, this); };
-  frames_[axial] = new ViewFrame(QStringLiteral("axial"), tr("Axial"), colors::axial, slice(SlicePlane::axial), this);
-  frames_[three_d] = new ViewFrame(QStringLiteral("tissue"), tr("3-D"), colors::accent, tissue_, this);
+  frames_[axial] = new ViewFrame(QStringLiteral("axial"), tr("Axial"), slice(SlicePlane::axial), this);
+  frames_[three_d] = new ViewFrame(QStringLiteral("tissue"), tr("3-D"), tissue_, this);
   frames_[sagittal] =
-      new ViewFrame(QStringLiteral("sagittal"), tr("Sagittal"), colors::sagittal, slice(SlicePlane::sagittal), this);
+      new ViewFrame(QStringLiteral("sagittal"), tr("Sagittal"), slice(SlicePlane::sagittal), this);
   frames_[coronal] =
-      new ViewFrame(QStringLiteral("coronal"), tr("Coronal"), colors::coronal, slice(SlicePlane::coronal), this);
+      new ViewFrame(QStringLiteral("coronal"), tr("Coronal"), slice(SlicePlane::coronal), this);
   add_show_buttons();
   for (int place = 0; place < count; ++place) {
     auto* frame = frames_[static_cast<std::size_t>(place)];
@@ -66,7 +65,6 @@ void ViewGrid::add_show_buttons() {
     button->setIcon(icon(choice.icon));
     button->setIconSize({16, 16});
     button->setText(choice.title);
-    button->setToolButtonStyle(Qt::ToolButtonTextBesideIcon);
     button->setToolTip(tr("Show the tissue as %1").arg(choice.title.toLower()));
     button->setAccessibleName(button->toolTip());
     button->setCheckable(true);

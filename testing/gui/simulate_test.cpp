@@ -1,0 +1,123 @@
+#include <QCheckBox>
+#include <QAction>
+#include <QDoubleSpinBox>
+#include <QLabel>
+#include <QPushButton>
+
+#include "panels/side_panel.hpp"
+#include "status_strip.hpp"
+#include "window_fixture.hpp"
+
+namespace palpate::testing {
+namespace {
+
+class Simulating : public WindowTest {
+ protected:
+  void SetUp() override {
+    make_window();
+    open_sample();
+    build_tissue();
+  }
+  double time_s() { return workbench().last_frame()->time_s; }
+  /// A place of the 3-D view under which there is tissue.
+  QPoint on_tissue() {
+    auto& view = window().views().tissue_view();
+    return {view.width() / 2, view.height() / 2};
+  }
+};
+
+TEST_F(Simulating, PlayPauseStepAndReset) {
+  EXPECT_FALSE(workbench().playing());
+  click("playPauseButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().playing() && time_s() > 0.02; }));
+  EXPECT_EQ(find<QPushButton>("simulateButton").text(), "Pause");
+  click("playPauseButton");
+  ASSERT_TRUE(wait_for([this] { return !workbench().playing(); }));
+  const double paused = time_s();
+  click("stepButton");
+  ASSERT_TRUE(wait_for([&] { return time_s() > paused; }));
+  EXPECT_NEAR(time_s() - paused, workbench().last_frame()->step_s, 1e-9) << "one step is one step";
+  click("resetButton");
+  ASSERT_TRUE(wait_for([this] { return time_s() == 0.0; }));
+  ASSERT_TRUE(wait_for([this] { return find<QLabel>("timeLabel").text() == "t = 0.00 s"; }));
+}
+
+TEST_F(Simulating, TheGrabPullsTheSurfaceAndUndoBringsItBack) {
+  const auto rest = surface_now();
+  ASSERT_FALSE(rest.empty());
+  key(Qt::Key_3);
+  ASSERT_EQ(window().view_state().tool(), gui::Tool::grab);
+  auto& view = window().views().tissue_view();
+  drag(view, on_tissue(), {120, -60});
+  ASSERT_TRUE(wait_for([this] { return workbench().last_frame()->grab_origin_mm.has_value(); }))
+      << "the grab took hold of something";
+  EXPECT_FALSE(workbench().last_frame()->held_points.empty());
+  // The drag spans a good part of the view; a move of 2 mm is far over any rounding.
+  ASSERT_TRUE(wait_for([&] { return largest_move_mm(rest, surface_now()) > 2.0; }));
+  QTest::mouseRelease(&view, Qt::LeftButton, Qt::NoModifier, on_tissue() + QPoint(120, -60));
+  ASSERT_TRUE(wait_for([this] { return !workbench().last_frame()->grab_origin_mm.has_value(); }));
+  key(Qt::Key_Space);
+  ASSERT_TRUE(wait_for([this] { return !workbench().playing(); }));
+  ASSERT_TRUE(wait_for([this] { return find<QAction>("actionUndo").isEnabled(); }));
+  key(Qt::Key_Z, Qt::ControlModifier);
+  // Before the drag the tissue lay at rest: it comes back to it exactly.
+  ASSERT_TRUE(wait_for([&] { return largest_move_mm(rest, surface_now()) < 1e-3; }));
+  ASSERT_TRUE(wait_for([this] { return find<QAction>("actionRedo").isEnabled(); }));
+  key(Qt::Key_Z, Qt::ControlModifier | Qt::ShiftModifier);
+  ASSERT_TRUE(wait_for([&] { return largest_move_mm(rest, surface_now()) > 1e-2; }));
+}
+
+TEST_F(Simulating, TheGrabWorksOnASlice) {
+  const auto rest = surface_now();
+  const auto points = workbench().tissue()->tissue;
+  // The crosshair at a point of the tissue; the slice there shows it.
+  const Eigen::Vector3d place = points->points.lps_mm(points->points.size() / 2);
+  window().view_state().set_crosshair(place);
+  trigger("tool3");
+  auto& axial = window().views().view(gui::ViewGrid::axial);
+  auto& slice = dynamic_cast<gui::SliceWidget&>(axial);
+  // Where on the widget the place is: searched by the view's own mapping.
+  QPoint best;
+  double nearest = 1e9;
+  for (int y = 0; y < axial.height(); y += 2) {
+    for (int x = 0; x < axial.width(); x += 2) {
+      const Eigen::Vector3d there = slice.view().place_at(x, axial.height() - 1 - y);
+      if ((there - place).norm() < nearest) {
+        nearest = (there - place).norm();
+        best = {x, y};
+      }
+    }
+  }
+  drag(axial, best, {60, 0});
+  ASSERT_TRUE(wait_for([&] { return largest_move_mm(rest, surface_now()) > 1.0; }));
+  QTest::mouseRelease(&axial, Qt::LeftButton, Qt::NoModifier, best + QPoint(60, 0));
+  ASSERT_TRUE(wait_for([this] { return !workbench().last_frame()->grab_origin_mm.has_value(); }));
+}
+
+TEST_F(Simulating, TheGaugeSaysWhenTheStepIsTooLarge) {
+  auto& gauge = find<gui::StepGauge>("stepGauge");
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::stable; }));
+  EXPECT_TRUE(gauge.text().contains("stable"));
+  const double stable_s = workbench().last_frame()->stable_step_s;
+  find<QCheckBox>("stepAuto").setChecked(false);
+  find<QDoubleSpinBox>("stepSpin").setValue(stable_s * 1000.0 * 0.95);
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::near_limit; }));
+  find<QDoubleSpinBox>("stepSpin").setValue(stable_s * 1000.0 * 1.2);
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::too_large; }));
+  EXPECT_TRUE(gauge.text().contains("too large")) << "told by words, not by colour alone";
+  find<QCheckBox>("stepAuto").setChecked(true);
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::stable; }));
+}
+
+TEST_F(Simulating, PointsAndLinksAreShownToo) {
+  for (const auto& [name, show] : {std::pair{"showPoints", visualization::Show::points},
+                                   std::pair{"showLinks", visualization::Show::links},
+                                   std::pair{"showSurface", visualization::Show::surface}}) {
+    click(name);
+    EXPECT_EQ(window().view_state().settings().show, show) << name;
+    EXPECT_TRUE(find<QAbstractButton>(name).isChecked());
+  }
+}
+
+}  // namespace
+}  // namespace palpate::testing
