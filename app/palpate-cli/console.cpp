@@ -91,6 +91,7 @@ core::Progress Console::progress() const {
 void Console::result(Json object, const std::string& text) {
   line_->close();
   if (json_ && !object.contains("warnings")) object["warnings"] = to_json(warnings_);
+  printed_ = true;
   print(json_ ? dumped(object) : harmless(text));
 }
 
@@ -104,7 +105,7 @@ void Console::error(const core::Error& error) noexcept {
     std::string text = std::string("palpate-cli: ") + error.what() + "\n";
     if (!error.details().empty()) text += error.details() + "\n";
     write_all(STDERR_FILENO, harmless(text));
-    if (!json_) return;
+    if (!json_ || printed_) return;
     Json object;
     object["error"] = {{"code", error.code()}, {"text", error.what()}};
     if (!error.details().empty()) object["error"]["details"] = error.details();

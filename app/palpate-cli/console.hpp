@@ -30,12 +30,14 @@ class Console {
   /// Prints the result and the warnings. Error(output) where stdout is closed or full.
   void result(Json object, const std::string& text);
   void result(Json object, const std::string& heading, const Table& table);
-  /// An error that ends the program; never throws.
+  /// An error that ends the program; never throws. With --json it is the one
+  /// object on stdout, unless a result stands there already.
   void error(const core::Error& error) noexcept;
 
  private:
   struct Line;
   bool json_;
+  bool printed_ = false;
   core::CancelToken cancel_;
   std::shared_ptr<Line> line_;
   std::vector<core::Warning> warnings_;

@@ -1,0 +1,138 @@
+#include "cli_support.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <fcntl.h>
+#include <filesystem>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+using namespace palpate::testing;
+using ::testing::HasSubstr;
+namespace fs = std::filesystem;
+
+namespace {
+
+/// A running palpate-cli whose stderr is read.
+class Running {
+ public:
+  Running(Words arguments, int standard_output) {
+    std::array<int, 2> error{};
+    if (pipe(error.data()) != 0) throw std::runtime_error("no pipe");
+    arguments.insert(arguments.begin(), (program_folder() / "palpate-cli").string());
+    std::vector<char*> argv;
+    for (auto& word : arguments) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    child_ = fork();
+    if (child_ == 0) {
+      dup2(standard_output, STDOUT_FILENO);
+      dup2(error[1], STDERR_FILENO);
+      close(error[0]);
+      close(error[1]);
+      execv(argv[0], argv.data());
+      _exit(127);
+    }
+    close(error[1]);
+    error_ = error[0];
+  }
+  ~Running() {
+    if (child_ > 0 && !ended_) {
+      kill(child_, SIGKILL);
+      waitpid(child_, nullptr, 0);
+    }
+    close(error_);
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+
+  /// Reads stderr until it holds the text; false when it ended before.
+  bool said(const std::string& text) {
+    while (error_text_.find(text) == std::string::npos)
+      if (!read_some()) return false;
+    return true;
+  }
+  void interrupt() const { kill(child_, SIGINT); }
+  /// The wait status, after the last word.
+  int end() {
+    while (read_some()) {
+    }
+    int status = 0;
+    waitpid(child_, &status, 0);
+    ended_ = true;
+    return status;
+  }
+  const std::string& error_text() const { return error_text_; }
+
+ private:
+  bool read_some() {
+    std::array<char, 4096> block{};
+    const ssize_t count = read(error_, block.data(), block.size());
+    if (count > 0) error_text_.append(block.data(), static_cast<std::size_t>(count));
+    return count > 0;
+  }
+
+  pid_t child_ = -1;
+  int error_ = -1;
+  bool ended_ = false;
+  std::string error_text_;
+};
+
+}  // namespace
+
+TEST(CliProcess, CtrlCStopsALongRunAndLeavesNothing) {
+  const TemporaryFolder folder;
+  const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  Running run({"simulate", sample(), "--stride", "2", "--threshold", "80", "--device", "reference", "--steps",
+               "100000000", "--progress", "-o", (folder / "points.vtp").string()},
+              nothing);
+  close(nothing);
+  ASSERT_TRUE(run.said("Simulating")) << run.error_text();
+  run.interrupt();
+  const int status = run.end();
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 130) << run.error_text();
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(CliProcess, CtrlCStopsReadingToo) {
+  const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  const TemporaryFolder folder;
+  // A scan of a few hundred megabytes is being made when the signal comes.
+  Running run(
+      {"phantom", "-o", (folder / "big.mha").string(), "--size", "512", "--frames", "8", "--progress"},
+      nothing);
+  close(nothing);
+  ASSERT_TRUE(run.said(" %")) << run.error_text();
+  run.interrupt();
+  const int status = run.end();
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 130) << run.error_text();
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(CliProcess, AStandardOutputThatIsGoneOrFullIsSaid) {
+  std::array<int, 2> gone{};
+  ASSERT_EQ(pipe(gone.data()), 0);
+  close(gone[0]);
+  const int full = open("/dev/full", O_WRONLY | O_CLOEXEC);
+  for (const int output : {gone[1], full}) {
+    Running run({"filter", "--list", "--json"}, output);
+    const int status = run.end();
+    ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+    EXPECT_EQ(WEXITSTATUS(status), 6);
+    EXPECT_THAT(run.error_text(), HasSubstr("standard output"));
+  }
+  close(gone[1]);
+  close(full);
+}
+
+TEST(CliProcess, ProgressGoesToStderrOnlyWhereItIsWanted) {
+  const Words run = {"model", sample(), "--stride", "4", "--threshold", "80"};
+  EXPECT_EQ(cli(run).error, "");
+  Words loud = run;
+  loud.push_back("--progress");
+  EXPECT_THAT(cli(loud).error, HasSubstr(" %"));
+}
