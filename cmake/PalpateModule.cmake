@@ -20,6 +20,7 @@ function(palpate_test name)
   target_link_libraries(${name} PRIVATE ${ARG_LIBS} palpate_test_support palpate_warnings)
   gtest_discover_tests(${name}
     DISCOVERY_MODE PRE_TEST
+    NO_PRETTY_VALUES NO_PRETTY_TYPES
     DISCOVERY_TIMEOUT 60
     TEST_PREFIX "${ARG_LABEL}/"
     PROPERTIES LABELS "${ARG_LABEL}" TIMEOUT ${ARG_TIMEOUT}
