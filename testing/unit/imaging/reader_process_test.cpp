@@ -8,9 +8,11 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <signal.h>
 #include <sys/wait.h>
+#include <thread>
 
 namespace {
 
