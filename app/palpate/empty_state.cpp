@@ -1,12 +1,12 @@
 #include "empty_state.hpp"
 
-#include <QDir>
-#include <QFileInfo>
-#include <QStyle>
-
 #include "icons.hpp"
 #include "theme.hpp"
 #include "ui_empty_state.h"
+
+#include <QDir>
+#include <QFileInfo>
+#include <QStyle>
 
 namespace palpate::gui {
 
@@ -21,7 +21,9 @@ EmptyState::EmptyState(RecentFiles& recent, QWidget* parent)
   connect(ui_->emptyOpenButton, &QPushButton::clicked, this, &EmptyState::openRequested);
   connect(ui_->emptyFolderButton, &QPushButton::clicked, this, &EmptyState::openFolderRequested);
   connect(ui_->emptySampleButton, &QPushButton::clicked, this, &EmptyState::openSampleRequested);
-  const auto open = [this](const QListWidgetItem* item) { emit recentRequested(item->data(Qt::UserRole).toString()); };
+  const auto open = [this](const QListWidgetItem* item) {
+    emit recentRequested(item->data(Qt::UserRole).toString());
+  };
   connect(ui_->recentList, &QListWidget::itemClicked, this, open);
   connect(ui_->recentList, &QListWidget::itemActivated, this, open);
   connect(&recent_, &RecentFiles::changed, this, &EmptyState::show_recent);
@@ -41,7 +43,8 @@ void EmptyState::show_recent() {
   ui_->recentList->clear();
   for (const QString& path : recent_.paths()) {
     const QFileInfo file(path);
-    auto* item = new QListWidgetItem(icon(file.isDir() ? "folder" : "open", colors::quiet_text), file.fileName());
+    auto* item =
+        new QListWidgetItem(icon(file.isDir() ? "folder" : "open", colors::quiet_text), file.fileName());
     item->setData(Qt::UserRole, path);
     item->setToolTip(QDir::toNativeSeparators(path));
     ui_->recentList->addItem(item);

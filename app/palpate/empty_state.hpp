@@ -1,9 +1,10 @@
 #pragma once
 
-#include <QWidget>
-#include <memory>
-
 #include "recent_files.hpp"
+
+#include <QWidget>
+
+#include <memory>
 
 namespace Ui {
 class EmptyState;

@@ -1,10 +1,10 @@
 #include "help_overlay.hpp"
 
+#include "theme.hpp"
+
 #include <QEvent>
 #include <QLabel>
 #include <QVBoxLayout>
-
-#include "theme.hpp"
 
 namespace palpate::gui {
 namespace {
@@ -12,8 +12,10 @@ namespace {
 QString rows(const QVector<Binding>& bindings) {
   QString html;
   for (const auto& binding : bindings) {
-    html += QStringLiteral("<tr><td style='padding:2px 24px 2px 0; color:%1'>%2</td><td style='padding:2px 0'>%3</td></tr>")
-                .arg(colors::quiet_text.name(), binding.keys.toHtmlEscaped(), binding.effect.toHtmlEscaped());
+    html +=
+        QStringLiteral(
+            "<tr><td style='padding:2px 24px 2px 0; color:%1'>%2</td><td style='padding:2px 0'>%3</td></tr>")
+            .arg(colors::quiet_text.name(), binding.keys.toHtmlEscaped(), binding.effect.toHtmlEscaped());
   }
   return html;
 }
@@ -35,8 +37,9 @@ void HelpOverlay::show_tool(Tool tool) {
   const auto& description = describe(tool);
   text_->setText(QStringLiteral("<h3>%1</h3><p>%2</p><table>%3</table><h4 style='margin-top:12px'>%4</h4>"
                                 "<table>%5</table><p style='color:%6'>%7</p>")
-                     .arg(description.title, description.text, rows(description.bindings), tr("With every tool"),
-                          rows(common_bindings()), colors::quiet_text.name(), tr("F1 or a click closes this.")));
+                     .arg(description.title, description.text, rows(description.bindings),
+                          tr("With every tool"), rows(common_bindings()), colors::quiet_text.name(),
+                          tr("F1 or a click closes this.")));
   setAccessibleName(tr("Keys of the tool %1").arg(description.title));
   place();
   show();

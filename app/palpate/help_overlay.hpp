@@ -1,8 +1,8 @@
 #pragma once
 
-#include <QFrame>
-
 #include "tools.hpp"
+
+#include <QFrame>
 
 class QGridLayout;
 class QLabel;

@@ -1,11 +1,11 @@
 #include "icons.hpp"
 
+#include "theme.hpp"
+
 #include <QFile>
 #include <QIconEngine>
 #include <QPainter>
 #include <QSvgRenderer>
-
-#include "theme.hpp"
 
 namespace palpate::gui {
 namespace {

@@ -1,14 +1,15 @@
 #include "job_bar.hpp"
 
+#include "icons.hpp"
+
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QProgressBar>
 #include <QToolButton>
-#include <QVariant>
 #include <QVBoxLayout>
-#include <cmath>
+#include <QVariant>
 
-#include "icons.hpp"
+#include <cmath>
 
 namespace palpate::gui {
 namespace {

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "job_tracker.hpp"
+
 #include <QHash>
 #include <QWidget>
-
-#include "job_tracker.hpp"
 
 class QLabel;
 class QProgressBar;

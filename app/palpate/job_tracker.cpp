@@ -1,6 +1,7 @@
 #include "job_tracker.hpp"
 
 #include <QElapsedTimer>
+
 #include <algorithm>
 #include <atomic>
 
@@ -135,9 +136,10 @@ void JobTracker::run() {
     } catch (const core::Error& caught) {
       error = std::make_shared<core::Error>(caught);
     } catch (const std::bad_alloc&) {
-      error = std::make_shared<core::Error>(core::ErrorKind::internal, "no-memory",
-                                            "There is not enough memory for this. A larger stride or a smaller "
-                                            "crop needs less.");
+      error =
+          std::make_shared<core::Error>(core::ErrorKind::internal, "no-memory",
+                                        "There is not enough memory for this. A larger stride or a smaller "
+                                        "crop needs less.");
     } catch (const std::exception& caught) {
       error = std::make_shared<core::Error>(core::ErrorKind::internal, "unexpected",
                                             "Something went wrong inside the program.", caught.what());

@@ -1,18 +1,19 @@
 #pragma once
 
+#include "palpate/core/error.hpp"
+#include "palpate/core/progress.hpp"
+
 #include <QObject>
 #include <QString>
 #include <QTimer>
 #include <QVector>
+
 #include <condition_variable>
 #include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <thread>
-
-#include "palpate/core/error.hpp"
-#include "palpate/core/progress.hpp"
 
 namespace palpate::gui {
 
@@ -62,7 +63,8 @@ class JobTracker : public QObject {
  private:
   struct Job;
   void run();
-  void deliver(const std::shared_ptr<Job>& job, const Delivery& delivery, const std::shared_ptr<core::Error>& error);
+  void deliver(const std::shared_ptr<Job>& job, const Delivery& delivery,
+               const std::shared_ptr<core::Error>& error);
 
   std::deque<std::shared_ptr<Job>> current_;  // of the tracker's thread
   quint64 last_epoch_ = 0;

@@ -1,11 +1,11 @@
 // palpate [FILE|FOLDER]: the window.
+#include "main_window.hpp"
+#include "theme.hpp"
+
 #include <QApplication>
 #include <QCommandLineParser>
 #include <QDir>
 #include <QFileInfo>
-
-#include "main_window.hpp"
-#include "theme.hpp"
 
 namespace {
 
@@ -29,11 +29,13 @@ int main(int argc, char** argv) {
   QApplication::setApplicationVersion(QStringLiteral(PALPATE_VERSION));
 
   QCommandLineParser parser;
-  parser.setApplicationDescription(QStringLiteral("Turns an ultrasound volume into tissue that can be pulled."));
+  parser.setApplicationDescription(
+      QStringLiteral("Turns an ultrasound volume into tissue that can be pulled."));
   parser.addHelpOption();
   parser.addVersionOption();
   parser.addOption({QStringLiteral("sample"), QStringLiteral("Opens the sample heart.")});
-  parser.addOption({QStringLiteral("device"), QStringLiteral("OpenCL device by number or name, or \"reference\"."),
+  parser.addOption({QStringLiteral("device"),
+                    QStringLiteral("OpenCL device by number or name, or \"reference\"."),
                     QStringLiteral("DEVICE")});
   parser.addPositionalArgument(QStringLiteral("scan"), QStringLiteral("A file, or a folder of one series."),
                                QStringLiteral("[scan]"));

@@ -1,13 +1,5 @@
 #include "main_window.hpp"
 
-#include <QActionGroup>
-#include <QCloseEvent>
-#include <QFileDialog>
-#include <QFileInfo>
-#include <QMessageBox>
-#include <QMimeData>
-#include <QStandardPaths>
-
 #include "empty_state.hpp"
 #include "help_overlay.hpp"
 #include "icons.hpp"
@@ -27,6 +19,14 @@
 #include "transport_bar.hpp"
 #include "ui_main_window.h"
 #include "views/view_grid.hpp"
+
+#include <QActionGroup>
+#include <QCloseEvent>
+#include <QFileDialog>
+#include <QFileInfo>
+#include <QMessageBox>
+#include <QMimeData>
+#include <QStandardPaths>
 
 namespace palpate::gui {
 namespace {
@@ -120,14 +120,17 @@ void MainWindow::wire_files() {
 void MainWindow::wire_views() {
   connect(ui_->actionMaximise, &QAction::triggered, this,
           [this] { views_->toggle_maximised(views_->active_place()); });
-  connect(ui_->actionFitView, &QAction::triggered, this, [this] { views_->view(views_->active_place()).fit(); });
+  connect(ui_->actionFitView, &QAction::triggered, this,
+          [this] { views_->view(views_->active_place()).fit(); });
   connect(ui_->actionResetViews, &QAction::triggered, views_, &ViewGrid::reset_views);
-  connect(ui_->actionFullScreen, &QAction::toggled, this, [this](bool on) { on ? showFullScreen() : showNormal(); });
+  connect(ui_->actionFullScreen, &QAction::toggled, this,
+          [this](bool on) { on ? showFullScreen() : showNormal(); });
   connect(ui_->actionKeys, &QAction::triggered, this, &MainWindow::toggle_help);
   connect(ui_->actionAbout, &QAction::triggered, this, &MainWindow::show_about);
   connect(views_, &ViewGrid::hovered, transport_, &TransportBar::show_cursor);
-  connect(status_, &StatusStrip::placeRequested, this,
-          [this](double x_mm, double y_mm, double z_mm) { state_.set_crosshair({x_mm, y_mm, z_mm}); });
+  connect(status_, &StatusStrip::placeRequested, this, [this](double x_mm, double y_mm, double z_mm) {
+    state_.set_crosshair({x_mm, y_mm, z_mm});
+  });
   status_->watch([this] { return views_->frames_per_second(); },
                  [this] { return views_->tissue_view().renderer_name(); });
 }
@@ -140,8 +143,9 @@ void MainWindow::wire_simulation() {
   connect(ui_->actionReset, &QAction::triggered, &workbench_, &Workbench::reset);
   connect(ui_->actionUndo, &QAction::triggered, &workbench_, &Workbench::undo);
   connect(ui_->actionRedo, &QAction::triggered, &workbench_, &Workbench::redo);
-  for (const auto signal : {&Workbench::volumeOpened, &Workbench::tissueBuilt, &Workbench::tissueDropped,
-                            &Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::frameArrived}) {
+  for (const auto signal :
+       {&Workbench::volumeOpened, &Workbench::tissueBuilt, &Workbench::tissueDropped,
+        &Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::frameArrived}) {
     connect(&workbench_, signal, this, &MainWindow::refresh_actions);
   }
 }
@@ -158,8 +162,8 @@ void MainWindow::wire_results() {
     setWindowTitle(tr("%1 – Palpate").arg(workbench_.input_name()));
     const auto& info = workbench_.info();
     side_->header(steps::data)
-        .set_result(QStringLiteral("%1 · %2 · %3").arg(workbench_.input_name(), describe_dims(info.geometry),
-                                                       describe_spacing(info)),
+        .set_result(QStringLiteral("%1 · %2 · %3")
+                        .arg(workbench_.input_name(), describe_dims(info.geometry), describe_spacing(info)),
                     true);
     for (const int step : {steps::filter, steps::tissue, steps::simulate, steps::picture}) {
       side_->header(step).set_result({}, false);
@@ -177,10 +181,12 @@ void MainWindow::wire_results() {
   });
   connect(&workbench_, &Workbench::tissueBuilt, this, [this] {
     const auto& statistics = workbench_.tissue()->statistics;
-    if (!side_->header(steps::filter).done()) side_->header(steps::filter).set_result(filter_->result(), true);
+    if (!side_->header(steps::filter).done())
+      side_->header(steps::filter).set_result(filter_->result(), true);
     side_->header(steps::tissue)
-        .set_result(tr("%1 points · %2 links").arg(short_count(static_cast<double>(statistics.points)),
-                                                   short_count(static_cast<double>(statistics.links))),
+        .set_result(tr("%1 points · %2 links")
+                        .arg(short_count(static_cast<double>(statistics.points)),
+                             short_count(static_cast<double>(statistics.links))),
                     true);
     side_->header(steps::simulate).set_result({}, false);
     side_->open_step(steps::simulate);

@@ -1,12 +1,13 @@
 #pragma once
 
-#include <QMainWindow>
-#include <QSettings>
-#include <memory>
-
 #include "recent_files.hpp"
 #include "views/view_state.hpp"
 #include "workbench.hpp"
+
+#include <QMainWindow>
+#include <QSettings>
+
+#include <memory>
 
 class QActionGroup;
 namespace Ui {

@@ -1,4 +1,11 @@
 // The window's tools, menus, keys and what it remembers.
+#include "empty_state.hpp"
+#include "help_overlay.hpp"
+#include "icons.hpp"
+#include "main_window.hpp"
+#include "ui_main_window.h"
+#include "views/view_grid.hpp"
+
 #include <QActionGroup>
 #include <QApplication>
 #include <QCloseEvent>
@@ -10,13 +17,6 @@
 #include <QScreen>
 #include <QToolButton>
 #include <QUrl>
-
-#include "empty_state.hpp"
-#include "help_overlay.hpp"
-#include "icons.hpp"
-#include "main_window.hpp"
-#include "ui_main_window.h"
-#include "views/view_grid.hpp"
 
 namespace palpate::gui {
 
@@ -61,7 +61,8 @@ void MainWindow::build_file_buttons() {
   ui_->toolBar->addSeparator();
   for (auto* action : {ui_->actionUndo, ui_->actionRedo}) {
     ui_->toolBar->addAction(action);
-    qobject_cast<QToolButton*>(ui_->toolBar->widgetForAction(action))->setToolButtonStyle(Qt::ToolButtonIconOnly);
+    qobject_cast<QToolButton*>(ui_->toolBar->widgetForAction(action))
+        ->setToolButtonStyle(Qt::ToolButtonIconOnly);
   }
   ui_->toolBar->addSeparator();
 }
@@ -77,7 +78,8 @@ void MainWindow::build_tool_buttons() {
     action->setChecked(tool.tool == state_.tool());
     action->setShortcut(QKeySequence(QString::number(number)));
     QString tip = QStringLiteral("%1 (%2)").arg(tool.text).arg(number);
-    for (const auto& binding : tool.bindings) tip += QStringLiteral("\n%1: %2").arg(binding.keys, binding.effect);
+    for (const auto& binding : tool.bindings)
+      tip += QStringLiteral("\n%1: %2").arg(binding.keys, binding.effect);
     action->setToolTip(tip);
     connect(action, &QAction::triggered, this, [this, which = tool.tool] { state_.set_tool(which); });
     ui_->toolBar->addAction(action);
@@ -102,8 +104,9 @@ void MainWindow::build_layout_buttons() {
   }
   using visualization::Show;
   auto* shows = new QActionGroup(this);
-  const std::pair<QAction*, Show> shown[] = {
-      {ui_->actionSurface, Show::surface}, {ui_->actionPoints, Show::points}, {ui_->actionLinks, Show::links}};
+  const std::pair<QAction*, Show> shown[] = {{ui_->actionSurface, Show::surface},
+                                             {ui_->actionPoints, Show::points},
+                                             {ui_->actionLinks, Show::links}};
   for (const auto& [action, show] : shown) {
     shows->addAction(action);
     connect(action, &QAction::triggered, this, [this, chosen = show] { state_.set_show(chosen); });
@@ -207,8 +210,9 @@ void MainWindow::show_about() {
   box.setIconPixmap(icon_pixmap("palpate", {}, 64, devicePixelRatioF()));
   box.setText(tr("<b>Palpate %1</b><br>Turns an ultrasound volume into tissue that can be pulled.")
                   .arg(QApplication::applicationVersion()));
-  box.setInformativeText(tr("For research. Not a medical device: do not base decisions about patients on it.\n"
-                            "Apache License 2.0"));
+  box.setInformativeText(
+      tr("For research. Not a medical device: do not base decisions about patients on it.\n"
+         "Apache License 2.0"));
   box.exec();
 }
 
@@ -219,7 +223,8 @@ void MainWindow::restore() {
   restoreGeometry(settings_->value(QStringLiteral("window/geometry")).toByteArray());
   restoreState(settings_->value(QStringLiteral("window/state")).toByteArray());
   const int layout = settings_->value(QStringLiteral("window/layout"), 0).toInt();
-  if (layout > 0 && layout < static_cast<int>(ViewLayout::one)) views_->set_layout(static_cast<ViewLayout>(layout));
+  if (layout > 0 && layout < static_cast<int>(ViewLayout::one))
+    views_->set_layout(static_cast<ViewLayout>(layout));
 }
 
 void MainWindow::closeEvent(QCloseEvent* event) {

@@ -1,13 +1,13 @@
 #include "message_bar.hpp"
 
+#include "icons.hpp"
+#include "theme.hpp"
+#include "ui_message_bar.h"
+
 #include <QClipboard>
 #include <QCoreApplication>
 #include <QGuiApplication>
 #include <QStyle>
-
-#include "icons.hpp"
-#include "theme.hpp"
-#include "ui_message_bar.h"
 
 namespace palpate::gui {
 
@@ -28,7 +28,8 @@ MessageBar::MessageBar(QWidget* parent) : QFrame(parent), ui_(std::make_unique<U
 
 MessageBar::~MessageBar() = default;
 
-void MessageBar::show_kind(const char* kind, const char* icon_name, const QColor& color, const QString& text) {
+void MessageBar::show_kind(const char* kind, const char* icon_name, const QColor& color,
+                           const QString& text) {
   setProperty("kind", QString::fromLatin1(kind));
   style()->unpolish(this);
   style()->polish(this);

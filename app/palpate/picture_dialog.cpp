@@ -1,5 +1,7 @@
 #include "picture_dialog.hpp"
 
+#include "ui_picture_dialog.h"
+
 #include <QDate>
 #include <QDir>
 #include <QFileDialog>
@@ -7,9 +9,8 @@
 #include <QImage>
 #include <QMessageBox>
 #include <QRegularExpression>
-#include <algorithm>
 
-#include "ui_picture_dialog.h"
+#include <algorithm>
 
 namespace palpate::gui {
 namespace {
@@ -33,7 +34,10 @@ QString free_path(const QString& folder) {
 
 PictureDialog::PictureDialog(Workbench& workbench, const visualization::ViewSettings& settings,
                              const QString& folder, QWidget* parent)
-    : QDialog(parent), workbench_(workbench), settings_(settings), ui_(std::make_unique<Ui::PictureDialog>()) {
+    : QDialog(parent),
+      workbench_(workbench),
+      settings_(settings),
+      ui_(std::make_unique<Ui::PictureDialog>()) {
   ui_->setupUi(this);
   setObjectName(QStringLiteral("pictureDialog"));
   setAttribute(Qt::WA_DeleteOnClose);
@@ -114,9 +118,9 @@ void PictureDialog::show_preview(const core::Picture& picture) {
 }
 
 void PictureDialog::browse() {
-  const QString path = QFileDialog::getSaveFileName(this, tr("Save picture"), ui_->pathEdit->text(),
-                                                    tr("PNG pictures (*.png)"), nullptr,
-                                                    QFileDialog::DontConfirmOverwrite);
+  const QString path =
+      QFileDialog::getSaveFileName(this, tr("Save picture"), ui_->pathEdit->text(),
+                                   tr("PNG pictures (*.png)"), nullptr, QFileDialog::DontConfirmOverwrite);
   if (!path.isEmpty()) ui_->pathEdit->setText(path);
 }
 

@@ -1,10 +1,11 @@
 #pragma once
 
+#include "workbench.hpp"
+
 #include <QDialog>
 #include <QTimer>
-#include <memory>
 
-#include "workbench.hpp"
+#include <memory>
 
 namespace Ui {
 class PictureDialog;

@@ -1,9 +1,10 @@
 #pragma once
 
-#include <QDialog>
-#include <memory>
-
 #include "workbench.hpp"
+
+#include <QDialog>
+
+#include <memory>
 
 namespace Ui {
 class SeriesDialog;

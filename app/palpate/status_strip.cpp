@@ -1,14 +1,15 @@
 #include "status_strip.hpp"
 
+#include "text.hpp"
+#include "theme.hpp"
+
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QMenu>
 #include <QPainter>
 #include <QWidgetAction>
-#include <cmath>
 
-#include "text.hpp"
-#include "theme.hpp"
+#include <cmath>
 
 namespace palpate::gui {
 namespace {
@@ -19,10 +20,14 @@ constexpr int longest_device_name = 28;
 
 QColor color_of(StepGauge::State state) {
   switch (state) {
-    case StepGauge::State::stable: return colors::good;
-    case StepGauge::State::near_limit: return colors::amber;
-    case StepGauge::State::too_large: return colors::red;
-    case StepGauge::State::none: break;
+    case StepGauge::State::stable:
+      return colors::good;
+    case StepGauge::State::near_limit:
+      return colors::amber;
+    case StepGauge::State::too_large:
+      return colors::red;
+    case StepGauge::State::none:
+      break;
   }
   return colors::faint_text;
 }
@@ -34,6 +39,7 @@ StepGauge::StepGauge(QWidget* parent) : QAbstractButton(parent) {
   setFocusPolicy(Qt::TabFocus);
   setCursor(Qt::PointingHandCursor);
   setToolTip(tr("Time step against the largest stable one. Click: what limits it"));
+  setAccessibleName(tr("Time step"));
   hide();
 }
 
@@ -57,7 +63,9 @@ void StepGauge::set_steps(double step_s, double stable_step_s) {
   update();
 }
 
-QSize StepGauge::sizeHint() const { return {fontMetrics().horizontalAdvance(text()) + bar_width_px + 20, 24}; }
+QSize StepGauge::sizeHint() const {
+  return {fontMetrics().horizontalAdvance(text()) + bar_width_px + 20, 24};
+}
 
 void StepGauge::paintEvent(QPaintEvent*) {
   QPainter painter(this);
@@ -102,8 +110,8 @@ StatusStrip::StatusStrip(Workbench& workbench, QWidget* parent)
   renderer_ = label("rendererLabel", tr("What draws the views"));
   setMinimumHeight(28);
   connect(gauge_, &StepGauge::clicked, this, &StatusStrip::explain_step);
-  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::tissueDropped,
-                            &Workbench::tissueBuilt, &Workbench::volumeOpened}) {
+  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady,
+                            &Workbench::tissueDropped, &Workbench::tissueBuilt, &Workbench::volumeOpened}) {
     connect(&workbench_, signal, this, &StatusStrip::refresh);
   }
   // Numbers that change sixty times a second are not read.
@@ -134,7 +142,8 @@ void StatusStrip::refresh() {
     return;
   }
   const QString name = QString::fromStdString(frame->device);
-  device_->setText(name.size() > longest_device_name ? name.left(longest_device_name - 1) + QChar(0x2026) : name);
+  device_->setText(name.size() > longest_device_name ? name.left(longest_device_name - 1) + QChar(0x2026)
+                                                     : name);
   device_->setToolTip(tr("The simulation runs on %1").arg(name));
   step_time_->setText(frame->ms_per_step > 0.0 ? tr("%1 ms/step").arg(short_number(frame->ms_per_step, 2))
                                                : QString());
@@ -154,7 +163,8 @@ void StatusStrip::refresh_drawing() {
                         name.contains(QLatin1String("softpipe"), Qt::CaseInsensitive) ||
                         name.contains(QLatin1String("swr"), Qt::CaseInsensitive);
   renderer_->setText(software ? tr("software GL") : name);
-  renderer_->setToolTip(name.isEmpty() ? tr("What draws the views") : tr("The views are drawn by %1").arg(name));
+  renderer_->setToolTip(name.isEmpty() ? tr("What draws the views")
+                                       : tr("The views are drawn by %1").arg(name));
 }
 
 void StatusStrip::explain_step() {
@@ -162,18 +172,20 @@ void StatusStrip::explain_step() {
   const auto& tissue = workbench_.tissue();
   if (!frame || !tissue || frame->worst_point >= tissue->tissue->points.size()) return;
   const auto& points = tissue->tissue->points;
-  const Eigen::Vector3d place = frame->positions_mm && frame->worst_point < frame->positions_mm->size()
-                                    ? points.center_mm + (*frame->positions_mm)[frame->worst_point].cast<double>()
-                                    : points.lps_mm(frame->worst_point);
+  const Eigen::Vector3d place =
+      frame->positions_mm && frame->worst_point < frame->positions_mm->size()
+          ? points.center_mm + (*frame->positions_mm)[frame->worst_point].cast<double>()
+          : points.lps_mm(frame->worst_point);
   QMenu menu(this);
   menu.setObjectName(QStringLiteral("stepMenu"));
-  auto* text = new QLabel(tr("Point %1 at %2, %3, %4 mm limits the step:\nits links are the stiffest. Stiffness and "
-                             "damping move the limit.")
-                              .arg(grouped(frame->worst_point))
-                              .arg(place.x(), 0, 'f', 1)
-                              .arg(place.y(), 0, 'f', 1)
-                              .arg(place.z(), 0, 'f', 1),
-                          &menu);
+  auto* text =
+      new QLabel(tr("Point %1 at %2, %3, %4 mm limits the step:\nits links are the stiffest. Stiffness and "
+                    "damping move the limit.")
+                     .arg(grouped(frame->worst_point))
+                     .arg(place.x(), 0, 'f', 1)
+                     .arg(place.y(), 0, 'f', 1)
+                     .arg(place.z(), 0, 'f', 1),
+                 &menu);
   text->setMargin(8);
   auto* words = new QWidgetAction(&menu);
   words->setDefaultWidget(text);

@@ -1,10 +1,11 @@
 #pragma once
 
+#include "workbench.hpp"
+
 #include <QAbstractButton>
 #include <QFrame>
-#include <functional>
 
-#include "workbench.hpp"
+#include <functional>
 
 class QLabel;
 

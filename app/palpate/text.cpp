@@ -2,6 +2,7 @@
 
 #include <QLocale>
 #include <QStringList>
+
 #include <cmath>
 
 namespace palpate::gui {
@@ -65,12 +66,18 @@ QString describe_series(const core::VolumeInfo& info) {
 
 QString describe_provenance(core::Provenance provenance) {
   switch (provenance) {
-    case core::Provenance::stated: return QStringLiteral("stated in the file");
-    case core::Provenance::private_tag: return QStringLiteral("from the maker's own tags");
-    case core::Provenance::derived: return QStringLiteral("derived from the file");
-    case core::Provenance::assumed: return QStringLiteral("assumed: the file does not say");
-    case core::Provenance::user: return QStringLiteral("stated by you");
-    case core::Provenance::absent: return QStringLiteral("not in the file");
+    case core::Provenance::stated:
+      return QStringLiteral("stated in the file");
+    case core::Provenance::private_tag:
+      return QStringLiteral("from the maker's own tags");
+    case core::Provenance::derived:
+      return QStringLiteral("derived from the file");
+    case core::Provenance::assumed:
+      return QStringLiteral("assumed: the file does not say");
+    case core::Provenance::user:
+      return QStringLiteral("stated by you");
+    case core::Provenance::absent:
+      return QStringLiteral("not in the file");
   }
   return {};
 }

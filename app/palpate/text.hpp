@@ -1,8 +1,8 @@
 #pragma once
 
-#include <QString>
-
 #include "palpate/core/volume.hpp"
+
+#include <QString>
 
 namespace palpate::gui {
 

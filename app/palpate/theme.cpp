@@ -1,6 +1,6 @@
 #include "theme.hpp"
 
-#include <QVTKOpenGLNativeWidget.h>
+#include "icons.hpp"
 
 #include <QFile>
 #include <QFont>
@@ -8,8 +8,7 @@
 #include <QPalette>
 #include <QStyleFactory>
 #include <QSurfaceFormat>
-
-#include "icons.hpp"
+#include <QVTKOpenGLNativeWidget.h>
 
 // Outside any namespace: the macro declares a function there.
 static void load_resources() { Q_INIT_RESOURCE(palpate); }

@@ -3,6 +3,7 @@
 #include <QApplication>
 #include <QColor>
 #include <QSettings>
+
 #include <memory>
 
 namespace palpate::gui {

@@ -16,8 +16,8 @@ struct ToolDescription {
   Tool tool;
   QString title;
   const char* icon;
-  QString text;                ///< one line, for the tooltip
-  QVector<Binding> bindings;   ///< of the tool itself
+  QString text;               ///< one line, for the tooltip
+  QVector<Binding> bindings;  ///< of the tool itself
 };
 
 const QVector<ToolDescription>& tools();

@@ -1,10 +1,10 @@
 #include "transport_bar.hpp"
 
-#include <cmath>
-
 #include "icons.hpp"
 #include "text.hpp"
 #include "ui_transport_bar.h"
+
+#include <cmath>
 
 namespace palpate::gui {
 
@@ -13,13 +13,14 @@ TransportBar::TransportBar(Workbench& workbench, QWidget* parent)
   ui_->setupUi(this);
   ui_->stepButton->setIcon(icon("step"));
   ui_->resetButton->setIcon(icon("reset"));
-  for (auto* button : {ui_->playPauseButton, ui_->stepButton, ui_->resetButton}) button->setIconSize({20, 20});
+  for (auto* button : {ui_->playPauseButton, ui_->stepButton, ui_->resetButton})
+    button->setIconSize({20, 20});
   connect(ui_->playPauseButton, &QToolButton::clicked, this,
           [this] { workbench_.playing() ? workbench_.pause() : workbench_.play(); });
   connect(ui_->stepButton, &QToolButton::clicked, &workbench_, &Workbench::step_once);
   connect(ui_->resetButton, &QToolButton::clicked, &workbench_, &Workbench::reset);
-  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::tissueDropped,
-                            &Workbench::frameArrived}) {
+  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady,
+                            &Workbench::tissueDropped, &Workbench::frameArrived}) {
     connect(&workbench_, signal, this, &TransportBar::refresh);
   }
   refresh();

@@ -1,9 +1,10 @@
 #pragma once
 
-#include <QFrame>
-#include <memory>
-
 #include "workbench.hpp"
+
+#include <QFrame>
+
+#include <memory>
 
 namespace Ui {
 class TransportBar;

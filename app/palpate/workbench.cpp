@@ -1,12 +1,13 @@
 #include "workbench.hpp"
 
-#include <QDir>
-#include <QFileInfo>
-#include <filesystem>
-
 #include "text.hpp"
 
 #include "palpate/imaging/phantom.hpp"
+
+#include <QDir>
+#include <QFileInfo>
+
+#include <filesystem>
 
 namespace palpate::gui {
 namespace {
@@ -211,7 +212,8 @@ void Workbench::run_estimate() {
   jobs_.start(
       JobLane::estimate, QString(),
       [this, volume = filtered_, recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
-        auto estimate = std::make_shared<session::Estimate>(session::estimate_tissue(volume, recipe, progress));
+        auto estimate =
+            std::make_shared<session::Estimate>(session::estimate_tissue(volume, recipe, progress));
         return [this, estimate] {
           estimate_ = std::move(*estimate);
           emit tissueEstimated();
@@ -225,8 +227,8 @@ void Workbench::build_tissue() {
   jobs_.start(
       JobLane::tissue, tr("Building tissue"),
       [this, volume = filtered_, recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
-        auto built =
-            std::make_shared<session::BuiltTissue>(session::build_tissue(volume, recipe, progress.part(0.0, 0.6)));
+        auto built = std::make_shared<session::BuiltTissue>(
+            session::build_tissue(volume, recipe, progress.part(0.0, 0.6)));
         auto surface = std::make_shared<session::BoundSurface>(
             session::build_surface(volume, *built, recipe, progress.part(0.6, 1.0)));
         return [this, built, surface] {
@@ -244,7 +246,8 @@ void Workbench::save_picture(const QString& path, const visualization::ViewSetti
                              const visualization::PictureRequest& request) {
   jobs_.start(
       JobLane::picture, tr("Drawing the picture"),
-      [this, path, settings, request, scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
+      [this, path, settings, request,
+       scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
         progress.report(0.05, "drawing");
         const core::Picture picture = visualization::draw_picture(scene, settings, request);
         progress.report(0.7, "writing");

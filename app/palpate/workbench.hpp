@@ -1,19 +1,21 @@
 #pragma once
 
+#include "job_tracker.hpp"
+
+#include "palpate/imaging/reader.hpp"
+#include "palpate/session/pipeline.hpp"
+#include "palpate/session/simulation_driver.hpp"
+#include "palpate/visualization/picture.hpp"
+
 #include <QElapsedTimer>
 #include <QObject>
 #include <QString>
 #include <QStringList>
 #include <QTimer>
+
 #include <memory>
 #include <optional>
 #include <vector>
-
-#include "job_tracker.hpp"
-#include "palpate/imaging/reader.hpp"
-#include "palpate/session/pipeline.hpp"
-#include "palpate/session/simulation_driver.hpp"
-#include "palpate/visualization/picture.hpp"
 
 namespace palpate::gui {
 
@@ -99,7 +101,8 @@ class Workbench : public QObject {
   // Picture
   void save_picture(const QString& path, const visualization::ViewSettings& settings,
                     const visualization::PictureRequest& request);
-  void preview_picture(const visualization::ViewSettings& settings, const visualization::PictureRequest& request);
+  void preview_picture(const visualization::ViewSettings& settings,
+                       const visualization::PictureRequest& request);
 
  signals:
   void volumeOpened();

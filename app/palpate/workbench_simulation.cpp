@@ -7,7 +7,7 @@ namespace palpate::gui {
 namespace {
 // One frame a refresh of a 60 Hz screen; what lies between is dropped by the driver.
 constexpr int frame_interval_ms = 16;
-}
+}  // namespace
 
 void Workbench::start_driver() {
   stop_driver();
@@ -102,19 +102,18 @@ void Workbench::set_device(const QString& selector) {
 
 // Asking the drivers may take a second; the window does not wait for it.
 void Workbench::find_devices() {
-  jobs_.start(
-      JobLane::devices, QString(),
-      [this](const core::Progress&) -> JobTracker::Delivery {
-        QVector<DeviceChoice> devices;
-        devices.append({QString(), tr("Automatic")});
-        for (const auto& device : compute::list_devices()) {
-          if (!device.usable) continue;
-          devices.append({QString::number(device.index), QString::fromStdString(device.name)});
-        }
-        devices.append({QStringLiteral("reference"), tr("CPU reference (slow, exact)")});
-        return [this, devices] { emit devicesFound(devices); };
-      },
-      {});
+  jobs_.start(JobLane::devices, QString(),
+              [this](const core::Progress&) -> JobTracker::Delivery {
+                QVector<DeviceChoice> devices;
+                devices.append({QString(), tr("Automatic")});
+                for (const auto& device : compute::list_devices()) {
+                  if (!device.usable) continue;
+                  devices.append({QString::number(device.index), QString::fromStdString(device.name)});
+                }
+                devices.append({QStringLiteral("reference"), tr("CPU reference (slow, exact)")});
+                return [this, devices] { emit devicesFound(devices); };
+              },
+              {});
 }
 
 void Workbench::play() {

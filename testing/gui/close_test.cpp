@@ -1,6 +1,6 @@
-#include <QElapsedTimer>
-
 #include "window_fixture.hpp"
+
+#include <QElapsedTimer>
 
 namespace palpate::testing {
 namespace {

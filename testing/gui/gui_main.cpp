@@ -1,13 +1,14 @@
-#include <gtest/gtest.h>
+#include "theme.hpp"
+#include "x_server.hpp"
+
+#include "palpate/testing/support.hpp"
 
 #include <QApplication>
+#include <gtest/gtest.h>
+
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-
-#include "palpate/testing/support.hpp"
-#include "theme.hpp"
-#include "x_server.hpp"
 
 // Each program has its own X server, home and kernel cache; nothing is left.
 int main(int argc, char** argv) {

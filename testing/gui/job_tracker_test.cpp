@@ -1,11 +1,11 @@
 #include "job_tracker.hpp"
 
-#include <gtest/gtest.h>
-
 #include <QCoreApplication>
 #include <QElapsedTimer>
 #include <QThread>
 #include <QTimer>
+#include <gtest/gtest.h>
+
 #include <future>
 
 namespace {
@@ -30,13 +30,12 @@ TEST(JobTracker, DeliversInTheThreadThatOwnsIt) {
   JobTracker tracker;
   QThread* delivered_in = nullptr;
   QThread* worked_in = nullptr;
-  tracker.start(
-      JobLane::open, "job",
-      [&](const Progress&) -> JobTracker::Delivery {
-        worked_in = QThread::currentThread();
-        return [&] { delivered_in = QThread::currentThread(); };
-      },
-      {});
+  tracker.start(JobLane::open, "job",
+                [&](const Progress&) -> JobTracker::Delivery {
+                  worked_in = QThread::currentThread();
+                  return [&] { delivered_in = QThread::currentThread(); };
+                },
+                {});
   ASSERT_TRUE(wait_for([&] { return delivered_in != nullptr; }));
   EXPECT_EQ(delivered_in, QThread::currentThread());
   EXPECT_NE(worked_in, QThread::currentThread());
@@ -48,22 +47,21 @@ TEST(JobTracker, DropsTheLateResultOfACancelledJob) {
   std::promise<void> started;
   std::promise<void> go_on;
   bool late = false;
-  const auto epoch = tracker.start(
-      JobLane::open, "deaf to its cancel token",
-      [&](const Progress&) -> JobTracker::Delivery {
-        started.set_value();
-        go_on.get_future().wait();
-        return [&] { late = true; };
-      },
-      {});
+  const auto epoch = tracker.start(JobLane::open, "deaf to its cancel token",
+                                   [&](const Progress&) -> JobTracker::Delivery {
+                                     started.set_value();
+                                     go_on.get_future().wait();
+                                     return [&] { late = true; };
+                                   },
+                                   {});
   started.get_future().wait();
   tracker.cancel(epoch);
   EXPECT_TRUE(tracker.jobs().isEmpty()) << "a cancelled job leaves the list at once";
   go_on.set_value();
   // The worker takes jobs in order: when the second arrives the first has arrived.
   bool second = false;
-  tracker.start(JobLane::filter, "next", [&](const Progress&) -> JobTracker::Delivery { return [&] { second = true; }; },
-                {});
+  tracker.start(JobLane::filter, "next",
+                [&](const Progress&) -> JobTracker::Delivery { return [&] { second = true; }; }, {});
   ASSERT_TRUE(wait_for([&] { return second; }));
   EXPECT_FALSE(late);
 }
@@ -73,15 +71,16 @@ TEST(JobTracker, AJobReplacesThoseOfItsLane) {
   std::promise<void> started;
   std::string delivered;
   const auto name = [&](const char* text) {
-    return [&delivered, text](const Progress&) -> JobTracker::Delivery { return [&delivered, text] { delivered += text; }; };
+    return [&delivered, text](const Progress&) -> JobTracker::Delivery {
+      return [&delivered, text] { delivered += text; };
+    };
   };
-  tracker.start(
-      JobLane::estimate, "running until it is told to stop",
-      [&](const Progress& progress) -> JobTracker::Delivery {
-        started.set_value();
-        for (;;) progress.report(0.5, "working");
-      },
-      {});
+  tracker.start(JobLane::estimate, "running until it is told to stop",
+                [&](const Progress& progress) -> JobTracker::Delivery {
+                  started.set_value();
+                  for (;;) progress.report(0.5, "working");
+                },
+                {});
   started.get_future().wait();
   tracker.start(JobLane::estimate, "b", name("b"), {});
   tracker.start(JobLane::filter, "x", name("x"), {});
@@ -100,8 +99,10 @@ TEST(JobTracker, TellsWhatFailedButNotWhatWasCancelled) {
   tracker.start(JobLane::open, "a", fail(palpate::core::ErrorKind::cancelled, "cancelled"), tell);
   tracker.start(JobLane::filter, "b", fail(palpate::core::ErrorKind::input, "truncated"), tell);
   tracker.start(
-      JobLane::tissue, "c", [](const Progress&) -> JobTracker::Delivery { throw std::runtime_error("oops"); }, tell);
-  tracker.start(JobLane::picture, "d", [](const Progress&) -> JobTracker::Delivery { throw std::bad_alloc(); }, tell);
+      JobLane::tissue, "c", [](const Progress&) -> JobTracker::Delivery { throw std::runtime_error("oops"); },
+      tell);
+  tracker.start(
+      JobLane::picture, "d", [](const Progress&) -> JobTracker::Delivery { throw std::bad_alloc(); }, tell);
   ASSERT_TRUE(wait_for([&] { return tracker.jobs().isEmpty(); }));
   EXPECT_EQ(codes, "truncated unexpected no-memory ");
 }
@@ -112,16 +113,14 @@ TEST(JobTracker, EndsInTheMiddleOfAJob) {
   QElapsedTimer clock;
   {
     JobTracker tracker;
-    tracker.start(
-        JobLane::open, "endless",
-        [&](const Progress& progress) -> JobTracker::Delivery {
-          started.set_value();
-          for (;;) progress.report(0.1, "working");
-        },
-        {});
-    tracker.start(JobLane::filter, "never begun", [&](const Progress&) -> JobTracker::Delivery {
-      return [&] { delivered = true; };
-    }, {});
+    tracker.start(JobLane::open, "endless",
+                  [&](const Progress& progress) -> JobTracker::Delivery {
+                    started.set_value();
+                    for (;;) progress.report(0.1, "working");
+                  },
+                  {});
+    tracker.start(JobLane::filter, "never begun",
+                  [&](const Progress&) -> JobTracker::Delivery { return [&] { delivered = true; }; }, {});
     started.get_future().wait();
     clock.start();
   }

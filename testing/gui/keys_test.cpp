@@ -1,8 +1,8 @@
+#include "window_fixture.hpp"
+
 #include <QLabel>
 #include <QSlider>
 #include <QWheelEvent>
-
-#include "window_fixture.hpp"
 
 namespace palpate::testing {
 namespace {
@@ -18,11 +18,16 @@ class Keys : public WindowTest {
   gui::SliceWidget& axial() {
     return dynamic_cast<gui::SliceWidget&>(window().views().view(gui::ViewGrid::axial));
   }
+  /// What the axial view shows under a place of its widget, in LPS mm.
+  Eigen::Vector3d shown_at(const QPoint& place) {
+    const QPointF pixel = viewport(axial(), place);
+    return axial().view().place_at(pixel.x(), pixel.y());
+  }
   static QPoint centre_of(const QWidget& widget) { return widget.rect().center(); }
   void wheel(QWidget& widget, int notches) {
     const QPointF place = centre_of(widget);
-    QWheelEvent event(place, widget.mapToGlobal(place.toPoint()), {}, {0, 120 * notches}, Qt::NoButton, Qt::NoModifier,
-                      Qt::NoScrollPhase, false);
+    QWheelEvent event(place, widget.mapToGlobal(place.toPoint()), {}, {0, 120 * notches}, Qt::NoButton,
+                      Qt::NoModifier, Qt::NoScrollPhase, false);
     QApplication::sendEvent(&widget, &event);
   }
 };
@@ -54,12 +59,13 @@ TEST_F(Keys, WheelAndArrowsStepSlices) {
 
 TEST_F(Keys, NavigateAndShiftMoveTheCrosshair) {
   const QPoint place = centre_of(axial()) + QPoint(30, 20);
-  const Eigen::Vector3d expected = axial().view().place_at(place.x(), axial().height() - 1 - place.y());
+  const Eigen::Vector3d expected = shown_at(place);
   QTest::mouseClick(&axial(), Qt::LeftButton, Qt::NoModifier, place);
   EXPECT_LT((window().view_state().settings().crosshair_mm - expected).norm(), 1e-6);
   const QPoint other = centre_of(axial()) - QPoint(40, 10);
-  const Eigen::Vector3d second = axial().view().place_at(other.x(), axial().height() - 1 - other.y());
-  QMouseEvent move(QEvent::MouseMove, other, axial().mapToGlobal(other), Qt::NoButton, Qt::NoButton, Qt::ShiftModifier);
+  const Eigen::Vector3d second = shown_at(other);
+  QMouseEvent move(QEvent::MouseMove, other, axial().mapToGlobal(other), Qt::NoButton, Qt::NoButton,
+                   Qt::ShiftModifier);
   QApplication::sendEvent(&axial(), &move);
   EXPECT_LT((window().view_state().settings().crosshair_mm - second).norm(), 1e-6);
 }
@@ -69,14 +75,15 @@ TEST_F(Keys, RightDragZoomsMiddleAndShiftDragPanAndRFits) {
   drag(axial(), centre_of(axial()), {0, -80}, Qt::RightButton);
   QTest::mouseRelease(&axial(), Qt::RightButton, Qt::NoModifier, centre_of(axial()));
   EXPECT_GT(axial().view().zoom_percent(), fitted * 1.2);
-  for (const auto& [button, modifier] : {std::pair{Qt::MiddleButton, Qt::KeyboardModifiers(Qt::NoModifier)},
-                                         std::pair{Qt::LeftButton, Qt::KeyboardModifiers(Qt::ShiftModifier)}}) {
-    const Eigen::Vector3d before = axial().view().place_at(50, 50);
+  for (const auto& [button, modifier] :
+       {std::pair{Qt::MiddleButton, Qt::KeyboardModifiers(Qt::NoModifier)},
+        std::pair{Qt::LeftButton, Qt::KeyboardModifiers(Qt::ShiftModifier)}}) {
+    const Eigen::Vector3d before = shown_at({50, 50});
     const Eigen::Vector3d crosshair = window().view_state().settings().crosshair_mm;
     drag(axial(), centre_of(axial()), {40, 0}, button, modifier);
     QTest::mouseRelease(&axial(), button, modifier, centre_of(axial()));
-    // What lay under pixel 50 lies under pixel 90 now.
-    EXPECT_LT((axial().view().place_at(90, 50) - before).norm(), 1e-3);
+    // What lay under place 50 lies under place 90 now; far under a pixel's size.
+    EXPECT_LT((shown_at({90, 50}) - before).norm(), 1e-3);
     EXPECT_EQ(window().view_state().settings().crosshair_mm, crosshair);
   }
   axial().setFocus();
@@ -125,15 +132,17 @@ TEST_F(Keys, F1ShowsTheKeysOfTheTool) {
 
 TEST_F(Keys, TheValueUnderTheCursorIsTold) {
   const QPoint place = centre_of(axial());
-  QMouseEvent move(QEvent::MouseMove, place, axial().mapToGlobal(place), Qt::NoButton, Qt::NoButton, Qt::NoModifier);
+  QMouseEvent move(QEvent::MouseMove, place, axial().mapToGlobal(place), Qt::NoButton, Qt::NoButton,
+                   Qt::NoModifier);
   QApplication::sendEvent(&axial(), &move);
   const QString text = find<QLabel>("cursorLabel").text();
   EXPECT_TRUE(text.startsWith("voxel ")) << text.toStdString();
-  const auto ijk = workbench().volume().geometry().to_ijk(
-      axial().view().place_at(place.x(), axial().height() - 1 - place.y()));
-  const float value = workbench().volume().at(static_cast<int>(std::lround(ijk.x())), static_cast<int>(std::lround(ijk.y())),
-                                              static_cast<int>(std::lround(ijk.z())));
-  EXPECT_TRUE(text.endsWith(QStringLiteral("value %1").arg(value))) << text.toStdString() << " is not of " << value;
+  const auto ijk = workbench().volume().geometry().to_ijk(shown_at(place));
+  const float value =
+      workbench().volume().at(static_cast<int>(std::lround(ijk.x())), static_cast<int>(std::lround(ijk.y())),
+                              static_cast<int>(std::lround(ijk.z())));
+  EXPECT_TRUE(text.endsWith(QStringLiteral("value %1").arg(value)))
+      << text.toStdString() << " is not of " << value;
 }
 
 }  // namespace

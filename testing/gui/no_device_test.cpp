@@ -1,8 +1,9 @@
+#include "window_fixture.hpp"
+
 #include <QLabel>
 #include <QPushButton>
-#include <cstdlib>
 
-#include "window_fixture.hpp"
+#include <cstdlib>
 
 namespace palpate::testing {
 namespace {
@@ -26,7 +27,8 @@ TEST_F(NoDevice, IsSaidAndTheReferenceIsOffered) {
   EXPECT_FALSE(find<QLabel>("messageText").text().isEmpty());
   ASSERT_TRUE(find<QPushButton>("messageOffer").isVisible());
   click("messageOffer");
-  ASSERT_TRUE(wait_for([this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }));
+  ASSERT_TRUE(
+      wait_for([this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }));
   EXPECT_FALSE(find<QFrame>("messageBar").isVisible());
   workbench().step_once();
   ASSERT_TRUE(wait_for([this] { return workbench().last_frame()->time_s > 0.0; }));

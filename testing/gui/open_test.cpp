@@ -1,18 +1,19 @@
+#include "panels/side_panel.hpp"
+#include "window_fixture.hpp"
+
+#include "palpate/imaging/writer.hpp"
+
 #include <QAbstractSlider>
 #include <QAbstractSpinBox>
 #include <QComboBox>
-#include <QFile>
 #include <QDialog>
+#include <QFile>
 #include <QLabel>
 #include <QListWidget>
 #include <QMimeData>
 #include <QPushButton>
 #include <QStackedWidget>
 #include <QToolButton>
-
-#include "panels/side_panel.hpp"
-#include "palpate/imaging/writer.hpp"
-#include "window_fixture.hpp"
 
 namespace palpate::testing {
 namespace {
@@ -42,7 +43,8 @@ TEST_F(Opening, EveryControlHasANameAndAHint) {
   for (auto* widget : window().findChildren<QWidget*>()) {
     const bool control = qobject_cast<QAbstractButton*>(widget) != nullptr ||
                          qobject_cast<QAbstractSpinBox*>(widget) != nullptr ||
-                         qobject_cast<QComboBox*>(widget) != nullptr || qobject_cast<QAbstractSlider*>(widget) != nullptr;
+                         qobject_cast<QComboBox*>(widget) != nullptr ||
+                         qobject_cast<QAbstractSlider*>(widget) != nullptr;
     if (!control || widget->objectName().isEmpty() || widget->objectName().startsWith("qt_")) continue;
     const auto* button = qobject_cast<QAbstractButton*>(widget);
     EXPECT_FALSE(widget->accessibleName().isEmpty() && (button == nullptr || button->text().isEmpty()))
@@ -79,7 +81,9 @@ TEST_F(Opening, AFileThatIsNoScanSaysSoAndCostsNothing) {
   const auto bad = folder() / "broken.mha";
   QFile file(QString::fromStdString(bad.string()));
   ASSERT_TRUE(file.open(QIODevice::WriteOnly));
-  file.write("ObjectType = Image\nNDims = 3\nDimSize = 9 9 9\nElementType = MET_UCHAR\nElementDataFile = LOCAL\nabc");
+  file.write(
+      "ObjectType = Image\nNDims = 3\nDimSize = 9 9 9\nElementType = MET_UCHAR\nElementDataFile = "
+      "LOCAL\nabc");
   file.close();
   window().open(file.fileName());
   ASSERT_TRUE(wait_for([this] { return message_shown(); }));
@@ -123,8 +127,11 @@ TEST_F(Opening, AFileDroppedOnTheWindowOpens) {
 }
 
 TEST_F(Opening, AFolderOfSeveralSeriesAsksWhich) {
-  const core::Volume volume(core::ImageGeometry({8, 9, 4}, {1, 1, 2}, {0, 0, 0}), std::vector<float>(8 * 9 * 4, 7.0F));
-  const core::Volume other(core::ImageGeometry({6, 6, 5}, {1, 1, 2}, {0, 0, 0}), std::vector<float>(6 * 6 * 5, 9.0F));
+  const core::Volume volume(core::ImageGeometry({8, 9, 4}, {1, 1, 2}, {0, 0, 0}),
+                            std::vector<float>(8 * 9 * 4, 7.0F));
+  const core::Volume other(core::ImageGeometry({6, 6, 5}, {1, 1, 2}, {0, 0, 0}),
+                           std::vector<float>(6 * 6 * 5, 9.0F));
+  std::filesystem::create_directory(folder() / "study");
   imaging::write_dicom_series(folder() / "study" / "a", volume);
   imaging::write_dicom_series(folder() / "study" / "b", other);
   std::filesystem::create_directory(folder() / "both");

@@ -1,12 +1,12 @@
-#include <QCheckBox>
-#include <QAction>
-#include <QDoubleSpinBox>
-#include <QLabel>
-#include <QPushButton>
-
 #include "panels/side_panel.hpp"
 #include "status_strip.hpp"
 #include "window_fixture.hpp"
+
+#include <QAction>
+#include <QCheckBox>
+#include <QDoubleSpinBox>
+#include <QLabel>
+#include <QPushButton>
 
 namespace palpate::testing {
 namespace {
@@ -81,7 +81,8 @@ TEST_F(Simulating, TheGrabWorksOnASlice) {
   double nearest = 1e9;
   for (int y = 0; y < axial.height(); y += 2) {
     for (int x = 0; x < axial.width(); x += 2) {
-      const Eigen::Vector3d there = slice.view().place_at(x, axial.height() - 1 - y);
+      const QPointF pixel = viewport(axial, {x, y});
+      const Eigen::Vector3d there = slice.view().place_at(pixel.x(), pixel.y());
       if ((there - place).norm() < nearest) {
         nearest = (there - place).norm();
         best = {x, y};

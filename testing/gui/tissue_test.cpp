@@ -1,14 +1,15 @@
+#include "panels/side_panel.hpp"
+#include "text.hpp"
+#include "window_fixture.hpp"
+
 #include <QCheckBox>
 #include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QLabel>
 #include <QSlider>
 #include <QSpinBox>
-#include <algorithm>
 
-#include "panels/side_panel.hpp"
-#include "text.hpp"
-#include "window_fixture.hpp"
+#include <algorithm>
 
 namespace palpate::testing {
 namespace {
@@ -31,7 +32,8 @@ TEST_F(TissueStep, PointsAreCountedAndTheRestIsMarkedAsEstimated) {
   find<QDoubleSpinBox>("thresholdSpin").setValue(60);
   ASSERT_TRUE(wait_for([this] { return workbench().estimate().has_value(); }));
   const auto& volume = workbench().volume();
-  const auto bright = std::count_if(volume.data(), volume.data() + volume.size(), [](float v) { return v >= 60.0F; });
+  const auto bright =
+      std::count_if(volume.data(), volume.data() + volume.size(), [](float v) { return v >= 60.0F; });
   EXPECT_EQ(text("pointsValue"), gui::grouped(static_cast<qulonglong>(bright)));
   EXPECT_TRUE(text("memoryValue").startsWith(QStringLiteral("≈ ")));
   EXPECT_TRUE(text("stepValue").startsWith(QStringLiteral("≈ ")));

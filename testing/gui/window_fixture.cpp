@@ -1,12 +1,13 @@
 #include "window_fixture.hpp"
 
-#include <QAbstractButton>
-#include <QElapsedTimer>
-#include <cmath>
-#include <random>
-
 #include "palpate/imaging/phantom.hpp"
 #include "palpate/imaging/writer.hpp"
+
+#include <QAbstractButton>
+#include <QElapsedTimer>
+
+#include <cmath>
+#include <random>
 
 namespace palpate::testing {
 
@@ -41,6 +42,9 @@ void WindowTest::make_window(const QString& device) {
   window_->resize(1280, 800);
   window_->show();
   ASSERT_TRUE(QTest::qWaitForWindowExposed(window_.get()));
+  // There is no window manager that would give it the keys.
+  window_->activateWindow();
+  ASSERT_TRUE(QTest::qWaitForWindowActive(window_.get()));
 }
 
 void WindowTest::close_window() {
@@ -84,7 +88,12 @@ void WindowTest::open_sample() {
 
 void WindowTest::build_tissue() {
   workbench().build_tissue();
-  ASSERT_TRUE(wait_for([this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }, 60000));
+  ASSERT_TRUE(wait_for(
+      [this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }, 60000));
+}
+
+QPointF WindowTest::viewport(const QWidget& widget, const QPoint& place) {
+  return QPointF(place.x(), widget.height() - 1 - place.y()) * widget.devicePixelRatioF();
 }
 
 void WindowTest::drag(QWidget& widget, const QPoint& from, const QPoint& by, Qt::MouseButton button,
@@ -93,7 +102,8 @@ void WindowTest::drag(QWidget& widget, const QPoint& from, const QPoint& by, Qt:
   QTest::mousePress(&widget, button, modifiers, from);
   for (int step = 1; step <= steps; ++step) {
     const QPointF place = QPointF(from) + QPointF(by) * step / steps;
-    QMouseEvent move(QEvent::MouseMove, place, widget.mapToGlobal(place.toPoint()), Qt::NoButton, button, modifiers);
+    QMouseEvent move(QEvent::MouseMove, place, widget.mapToGlobal(place.toPoint()), Qt::NoButton, button,
+                     modifiers);
     QApplication::sendEvent(&widget, &move);
     QCoreApplication::processEvents();
   }

@@ -1,16 +1,17 @@
 #pragma once
 
-#include <gtest/gtest.h>
+#include "main_window.hpp"
+#include "views/view_grid.hpp"
+
+#include "palpate/testing/support.hpp"
 
 #include <QAction>
 #include <QApplication>
 #include <QtTest>
+#include <gtest/gtest.h>
+
 #include <functional>
 #include <memory>
-
-#include "main_window.hpp"
-#include "palpate/testing/support.hpp"
-#include "views/view_grid.hpp"
 
 namespace palpate::testing {
 
@@ -49,6 +50,8 @@ class WindowTest : public ::testing::Test {
 
   void open_sample();
   void build_tissue();
+  /// The pixel of a view under a place of its widget, as the views count them.
+  static QPointF viewport(const QWidget& widget, const QPoint& place);
   /// A left drag by the offset, in steps, with the event loop running between.
   void drag(QWidget& widget, const QPoint& from, const QPoint& by, Qt::MouseButton button = Qt::LeftButton,
             Qt::KeyboardModifiers modifiers = Qt::NoModifier);

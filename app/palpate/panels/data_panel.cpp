@@ -39,9 +39,9 @@ void DataPanel::show_volume() {
   ui_->spacingValue->setToolTip(describe_provenance(info.spacing_provenance[0]));
   const auto& range = workbench_.volume().range();
   ui_->rangeValue->setText(tr("%1 to %2").arg(short_number(range.min), short_number(range.max)));
-  ui_->formatValue->setText(QString::fromStdString(info.format) +
-                            (info.pixel_type.empty() ? QString()
-                                                     : QStringLiteral(", ") + QString::fromStdString(info.pixel_type)));
+  ui_->formatValue->setText(
+      QString::fromStdString(info.format) +
+      (info.pixel_type.empty() ? QString() : QStringLiteral(", ") + QString::fromStdString(info.pixel_type)));
   QStringList warnings;
   for (const auto& warning : info.warnings) warnings << QString::fromStdString(warning.text);
   ui_->warningsLabel->setText(warnings.join(QLatin1Char('\n')));

@@ -1,9 +1,10 @@
 #pragma once
 
-#include <QWidget>
-#include <memory>
-
 #include "workbench.hpp"
+
+#include <QWidget>
+
+#include <memory>
 
 namespace Ui {
 class DataPanel;

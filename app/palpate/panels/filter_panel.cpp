@@ -1,10 +1,11 @@
 #include "panels/filter_panel.hpp"
 
-#include <algorithm>
-
-#include "palpate/imaging/filters.hpp"
 #include "text.hpp"
 #include "ui_filter_panel.h"
+
+#include "palpate/imaging/filters.hpp"
+
+#include <algorithm>
 
 namespace palpate::gui {
 
@@ -70,12 +71,13 @@ QString FilterPanel::result() const {
   QStringList parts;
   for (const auto& step : chain) {
     const auto& known = imaging::filters();
-    const auto found =
-        std::find_if(known.begin(), known.end(), [&](const auto& filter) { return filter.name == step.name; });
+    const auto found = std::find_if(known.begin(), known.end(),
+                                    [&](const auto& filter) { return filter.name == step.name; });
     QString part = QString::fromStdString(found != known.end() ? found->title : step.name);
     for (const auto& [name, value] : step.parameters) {
       const bool voxels = name.find("voxel") != std::string::npos;
-      part += QStringLiteral(", %1 %2").arg(short_number(value, voxels ? 1 : 2), voxels ? tr("voxels") : tr("mm"));
+      part += QStringLiteral(", %1 %2").arg(short_number(value, voxels ? 1 : 2),
+                                            voxels ? tr("voxels") : tr("mm"));
     }
     parts << part;
   }

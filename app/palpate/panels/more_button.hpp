@@ -1,9 +1,9 @@
 #pragma once
 
-#include <QToolButton>
-
 #include "icons.hpp"
 #include "theme.hpp"
+
+#include <QToolButton>
 
 namespace palpate::gui {
 

@@ -1,10 +1,10 @@
 #include "panels/picture_panel.hpp"
 
-#include <QFileInfo>
-
 #include "icons.hpp"
 #include "theme.hpp"
 #include "ui_picture_panel.h"
+
+#include <QFileInfo>
 
 namespace palpate::gui {
 

@@ -1,11 +1,13 @@
 #include "panels/side_panel.hpp"
 
+#include "icons.hpp"
+#include "theme.hpp"
+
+#include <QAbstractSpinBox>
+#include <QComboBox>
 #include <QPainter>
 #include <QStyle>
 #include <QVBoxLayout>
-
-#include "icons.hpp"
-#include "theme.hpp"
 
 namespace palpate::gui {
 namespace {
@@ -13,7 +15,8 @@ constexpr int badge_px = 24;
 constexpr int side_margin_px = 12;
 }  // namespace
 
-StepHeader::StepHeader(int number, const QString& title, QWidget* parent) : QAbstractButton(parent), number_(number) {
+StepHeader::StepHeader(int number, const QString& title, QWidget* parent)
+    : QAbstractButton(parent), number_(number) {
   setText(title);
   setCheckable(true);
   setFocusPolicy(Qt::TabFocus);
@@ -104,6 +107,13 @@ void SidePanel::add_step(const QString& id, const QString& title, QWidget* body)
   auto* column = qobject_cast<QVBoxLayout*>(contents_->layout());
   column->insertWidget(2 * step, header);
   column->insertWidget(2 * step + 1, body);
+  // Wide ranges and long choices give way to the panel's width, not the other way round.
+  for (auto* field : body->findChildren<QWidget*>()) {
+    if (qobject_cast<QAbstractSpinBox*>(field) != nullptr || qobject_cast<QComboBox*>(field) != nullptr) {
+      field->setMinimumWidth(64);
+      field->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
+    }
+  }
   body->hide();
   headers_.append(header);
   bodies_.append(body);

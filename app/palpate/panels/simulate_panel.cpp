@@ -1,9 +1,9 @@
 #include "panels/simulate_panel.hpp"
 
-#include <QSignalBlocker>
-
 #include "panels/more_button.hpp"
 #include "ui_simulate_panel.h"
+
+#include <QSignalBlocker>
 
 namespace palpate::gui {
 
@@ -18,8 +18,10 @@ SimulatePanel::SimulatePanel(Workbench& workbench, QWidget* parent)
     connect(box, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, &SimulatePanel::take_settings);
   }
   connect(ui_->stepAuto, &QCheckBox::toggled, this, &SimulatePanel::take_settings);
-  connect(ui_->radiusSpin, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, &SimulatePanel::take_grab);
-  connect(ui_->grabKindCombo, QOverload<int>::of(&QComboBox::currentIndexChanged), this, &SimulatePanel::take_grab);
+  connect(ui_->radiusSpin, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this,
+          &SimulatePanel::take_grab);
+  connect(ui_->grabKindCombo, QOverload<int>::of(&QComboBox::currentIndexChanged), this,
+          &SimulatePanel::take_grab);
   connect(ui_->deviceCombo, QOverload<int>::of(&QComboBox::currentIndexChanged), this,
           [this](int index) { workbench_.set_device(ui_->deviceCombo->itemData(index).toString()); });
   connect(ui_->simulateButton, &QPushButton::clicked, this,
@@ -31,8 +33,8 @@ SimulatePanel::SimulatePanel(Workbench& workbench, QWidget* parent)
     ui_->deviceCombo->setCurrentIndex(std::max(0, ui_->deviceCombo->findData(workbench_.device())));
   });
   connect(&workbench_, &Workbench::simulationSettingsChanged, this, &SimulatePanel::show_settings);
-  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::tissueDropped,
-                            &Workbench::frameArrived}) {
+  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady,
+                            &Workbench::tissueDropped, &Workbench::frameArrived}) {
     connect(&workbench_, signal, this, &SimulatePanel::refresh);
   }
   refresh();
@@ -46,7 +48,8 @@ void SimulatePanel::take_settings() {
   settings.parameters.stiffness_per_s2 = ui_->stiffnessSpin->value();
   settings.parameters.damping_per_s = ui_->dampingSpin->value();
   settings.parameters.drag_per_s = ui_->dragSpin->value();
-  settings.parameters.gravity_mm_per_s2 = {ui_->gravityX->value(), ui_->gravityY->value(), ui_->gravityZ->value()};
+  settings.parameters.gravity_mm_per_s2 = {ui_->gravityX->value(), ui_->gravityY->value(),
+                                           ui_->gravityZ->value()};
   if (ui_->stepAuto->isChecked()) {
     settings.step_s.reset();
   } else {

@@ -1,10 +1,10 @@
 #include "panels/tissue_panel.hpp"
 
-#include <cmath>
-
 #include "panels/more_button.hpp"
 #include "text.hpp"
 #include "ui_tissue_panel.h"
+
+#include <cmath>
 
 namespace palpate::gui {
 namespace {
@@ -17,7 +17,8 @@ constexpr int slider_steps = 1000;
 TissuePanel::TissuePanel(Workbench& workbench, QWidget* parent)
     : QWidget(parent), workbench_(workbench), ui_(std::make_unique<Ui::TissuePanel>()) {
   ui_->setupUi(this);
-  crop_ = {{{ui_->cropIBegin, ui_->cropIEnd}, {ui_->cropJBegin, ui_->cropJEnd}, {ui_->cropKBegin, ui_->cropKEnd}}};
+  crop_ = {
+      {{ui_->cropIBegin, ui_->cropIEnd}, {ui_->cropJBegin, ui_->cropJEnd}, {ui_->cropKBegin, ui_->cropKEnd}}};
   wire_more(ui_->moreButton, ui_->moreBox);
   ui_->thresholdSlider->setRange(0, slider_steps);
   ui_->cropBox->hide();
@@ -107,7 +108,8 @@ void TissuePanel::show_threshold(double threshold) {
   const auto& range = workbench_.filtered().range();
   const double span = static_cast<double>(range.max) - range.min;
   ui_->thresholdSpin->setValue(threshold);
-  ui_->thresholdSlider->setValue(span > 0 ? static_cast<int>((threshold - range.min) / span * slider_steps) : 0);
+  ui_->thresholdSlider->setValue(span > 0 ? static_cast<int>((threshold - range.min) / span * slider_steps)
+                                          : 0);
   filling_ = false;
 }
 
@@ -120,7 +122,8 @@ void TissuePanel::take_parameters() {
     tissue.threshold_low = ui_->thresholdSpin->value();
     show_threshold(*tissue.threshold_low);
   }
-  if (ui_->thresholdHigh->value() < ui_->thresholdHigh->maximum()) tissue.threshold_high = ui_->thresholdHigh->value();
+  if (ui_->thresholdHigh->value() < ui_->thresholdHigh->maximum())
+    tissue.threshold_high = ui_->thresholdHigh->value();
   tissue.stride = ui_->strideSpin->value();
   tissue.links = ui_->linksCombo->currentIndex() == 0 ? model::LinkRule::nearest : model::LinkRule::six;
   tissue.max_links = ui_->maxLinksSpin->value();
@@ -156,8 +159,9 @@ void TissuePanel::show_estimate() {
   const auto& statistics = estimate->tissue.statistics;
   const QString mark = estimate->tissue.sampled ? about : QString();
   ui_->pointsValue->setText(grouped(statistics.points));
-  ui_->linksValue->setText(mark + (estimate->tissue.sampled ? short_count(static_cast<double>(statistics.links))
-                                                            : grouped(statistics.links)));
+  ui_->linksValue->setText(mark + (estimate->tissue.sampled
+                                       ? short_count(static_cast<double>(statistics.links))
+                                       : grouped(statistics.links)));
   ui_->componentsValue->setText(mark + grouped(statistics.components));
   ui_->memoryValue->setText(about + short_bytes(static_cast<double>(statistics.bytes)));
   ui_->stepValue->setText(about + short_time(estimate->stable_step.step_s));
@@ -179,8 +183,9 @@ void TissuePanel::show_built() {
 
 void TissuePanel::show_note() {
   const bool built = workbench_.has_tissue();
-  ui_->noteLabel->setText(changed_since_built_ ? tr("Building again replaces the tissue that is shown and its pulls.")
-                                               : QString());
+  ui_->noteLabel->setText(changed_since_built_
+                              ? tr("Building again replaces the tissue that is shown and its pulls.")
+                              : QString());
   ui_->noteLabel->setVisible(built && changed_since_built_);
   ui_->buildButton->setText(built ? tr("Build again") : tr("Build tissue"));
 }

@@ -1,9 +1,5 @@
 #include "views/gl_view.hpp"
 
-#include <vtkGenericOpenGLRenderWindow.h>
-#include <vtkNew.h>
-#include <vtkRenderWindowInteractor.h>
-
 #include <QAbstractSpinBox>
 #include <QApplication>
 #include <QKeyEvent>
@@ -12,6 +8,10 @@
 #include <QOpenGLContext>
 #include <QOpenGLFunctions>
 #include <QWheelEvent>
+#include <vtkGenericOpenGLRenderWindow.h>
+#include <vtkNew.h>
+#include <vtkRenderWindowInteractor.h>
+
 #include <cmath>
 
 namespace palpate::gui {
@@ -78,7 +78,8 @@ bool GlView::event(QEvent* event) {
     case QEvent::Enter: {
       // Keys go to the view under the pointer, but typing is not interrupted.
       const QWidget* focus = QApplication::focusWidget();
-      if (qobject_cast<const QLineEdit*>(focus) == nullptr && qobject_cast<const QAbstractSpinBox*>(focus) == nullptr) {
+      if (qobject_cast<const QLineEdit*>(focus) == nullptr &&
+          qobject_cast<const QAbstractSpinBox*>(focus) == nullptr) {
         setFocus(Qt::MouseFocusReason);
       }
       return QOpenGLWidget::event(event);

@@ -1,12 +1,11 @@
 #pragma once
 
-#include <QVTKOpenGLNativeWidget.h>
+#include "views/view_state.hpp"
+#include "workbench.hpp"
 
 #include <QElapsedTimer>
 #include <QTimer>
-
-#include "views/view_state.hpp"
-#include "workbench.hpp"
+#include <QVTKOpenGLNativeWidget.h>
 
 class QMouseEvent;
 class QWheelEvent;

@@ -7,7 +7,8 @@
 
 namespace palpate::gui {
 
-SliceWidget::SliceWidget(visualization::SlicePlane plane, Workbench& workbench, ViewState& state, QWidget* parent)
+SliceWidget::SliceWidget(visualization::SlicePlane plane, Workbench& workbench, ViewState& state,
+                         QWidget* parent)
     : GlView(workbench, state, parent), view_(plane) {
   renderWindow()->AddRenderer(view_.renderer());
 }

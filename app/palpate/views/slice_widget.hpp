@@ -1,9 +1,10 @@
 #pragma once
 
-#include <optional>
+#include "views/gl_view.hpp"
 
 #include "palpate/visualization/slice_view.hpp"
-#include "views/gl_view.hpp"
+
+#include <optional>
 
 namespace palpate::gui {
 

@@ -1,11 +1,11 @@
 #include "views/tissue_widget.hpp"
 
+#include "palpate/interaction/move_tool.hpp"
+
 #include <vtkGenericOpenGLRenderWindow.h>
 #include <vtkRenderer.h>
 
 #include <cmath>
-
-#include "palpate/interaction/move_tool.hpp"
 
 namespace palpate::gui {
 namespace {
@@ -75,7 +75,8 @@ void TissueWidget::point_at(const QPointF& place, bool crosshair) {
   const auto& points = workbench_.tissue()->tissue->points;
   const auto& frame = workbench_.last_frame();
   const auto& positions = frame && frame->positions_mm ? *frame->positions_mm : points.positions_mm;
-  const auto hit = interaction::pick(view_.ray_at(place.x(), place.y()), reach(), {positions, points.center_mm});
+  const auto hit =
+      interaction::pick(view_.ray_at(place.x(), place.y()), reach(), {positions, points.center_mm});
   if (hit) state_.set_crosshair(hit->origin_mm);
 }
 

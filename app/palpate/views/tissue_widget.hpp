@@ -1,7 +1,8 @@
 #pragma once
 
-#include "palpate/visualization/tissue_view.hpp"
 #include "views/gl_view.hpp"
+
+#include "palpate/visualization/tissue_view.hpp"
 
 namespace palpate::gui {
 

@@ -1,14 +1,14 @@
 #include "views/view_frame.hpp"
 
+#include "icons.hpp"
+#include "views/slice_widget.hpp"
+
 #include <QHBoxLayout>
 #include <QSignalBlocker>
 #include <QSlider>
 #include <QToolButton>
-#include <QVariant>
 #include <QVBoxLayout>
-
-#include "icons.hpp"
-#include "views/slice_widget.hpp"
+#include <QVariant>
 
 namespace palpate::gui {
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <QFrame>
-
 #include "views/gl_view.hpp"
+
+#include <QFrame>
 
 class QSlider;
 class QToolButton;

@@ -1,11 +1,11 @@
 #include "views/view_grid.hpp"
 
+#include "icons.hpp"
+
 #include <QApplication>
 #include <QButtonGroup>
 #include <QGridLayout>
 #include <QToolButton>
-
-#include "icons.hpp"
 
 namespace palpate::gui {
 
@@ -74,7 +74,8 @@ void ViewGrid::add_show_buttons() {
     connect(button, &QToolButton::clicked, this, [this, show = choice.show] { state_.set_show(show); });
   }
   connect(&state_, &ViewState::showChanged, this, [this] {
-    if (auto* button = show_buttons_->button(static_cast<int>(state_.settings().show))) button->setChecked(true);
+    if (auto* button = show_buttons_->button(static_cast<int>(state_.settings().show)))
+      button->setChecked(true);
   });
 }
 

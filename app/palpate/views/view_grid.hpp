@@ -1,11 +1,12 @@
 #pragma once
 
-#include <QWidget>
-#include <array>
-
 #include "views/slice_widget.hpp"
 #include "views/tissue_widget.hpp"
 #include "views/view_frame.hpp"
+
+#include <QWidget>
+
+#include <array>
 
 class QGridLayout;
 class QButtonGroup;

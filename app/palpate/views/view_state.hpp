@@ -1,9 +1,10 @@
 #pragma once
 
-#include <QObject>
+#include "tools.hpp"
 
 #include "palpate/visualization/scene.hpp"
-#include "tools.hpp"
+
+#include <QObject>
 
 namespace palpate::gui {
 

@@ -1,0 +1,78 @@
+// The pictures of README.md and docs/user-guide.md, made by using the window
+// as the guide tells it. PALPATE_PICTURES names the folder that keeps them;
+// without it they go with the test.
+#include "window_fixture.hpp"
+
+#include <QCheckBox>
+#include <QPushButton>
+#include <QScreen>
+
+#include <cstdlib>
+
+namespace palpate::testing {
+namespace {
+
+class GuidePictures : public WindowTest {
+ protected:
+  void SetUp() override {
+    const char* keep = std::getenv("PALPATE_PICTURES");
+    target_ = keep != nullptr ? std::filesystem::path(keep) : folder().path();
+    make_window();
+    window().resize(1440, 900);
+    window().move(0, 0);
+  }
+
+  /// What is on the screen over the window, views included.
+  void take(const std::string& name) {
+    // A round for what a change asks to draw, one for what that drawing asks for, one to be shown.
+    for (int round = 0; round < 3; ++round) {
+      for (auto* widget : window().findChildren<QWidget*>()) widget->update();
+      QCoreApplication::processEvents();
+      QGuiApplication::sync();
+    }
+    const QPixmap shot = QGuiApplication::primaryScreen()->grabWindow(window().winId());
+    ASSERT_EQ(shot.width(), 1440) << window().width() << " least " << window().minimumSizeHint().width() << " in " << name;
+    ASSERT_EQ(shot.height(), 900);
+    const auto path = target_ / (name + ".png");
+    ASSERT_TRUE(shot.save(QString::fromStdString(path.string()), "PNG", 0)) << path;
+    // A window that drew nothing would pack into a few kilobytes.
+    EXPECT_GT(std::filesystem::file_size(path), 20000U) << path;
+  }
+  bool idle() { return workbench().jobs().jobs().isEmpty(); }
+  void open_shipped_sample() {
+    window().open(QStringLiteral(PALPATE_SOURCE_DATA "/sample-heart.mha"));
+    ASSERT_TRUE(wait_for([this] { return workbench().has_volume() && idle(); }));
+  }
+
+ private:
+  std::filesystem::path target_;
+};
+
+TEST_F(GuidePictures, FromTheFileToThePulledHeart) {
+  take("empty");
+  open_shipped_sample();
+  take("opened");
+  click("applyFilterButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().estimate().has_value() && idle(); }));
+  take("estimate");
+  click("buildButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().simulation_ready() && workbench().last_frame(); }, 60000));
+  trigger("tool3");
+  auto& view = window().views().tissue_view();
+  const QPoint wall(view.width() * 2 / 5, view.height() / 2);
+  drag(view, wall, {-70, -50});
+  ASSERT_TRUE(wait_for([this] {
+    const auto& frame = workbench().last_frame();
+    return frame->grab_origin_mm.has_value() && frame->time_s > 0.3;
+  }));
+  take("window");
+  QTest::mouseRelease(&view, Qt::LeftButton, Qt::NoModifier, wall + QPoint(-70, -50));
+  ASSERT_TRUE(wait_for([this] { return !workbench().last_frame()->grab_origin_mm.has_value(); }));
+  workbench().pause();
+  ASSERT_TRUE(wait_for([this] { return !workbench().playing(); }));
+  click("showLinks");
+  take("links");
+}
+
+}  // namespace
+}  // namespace palpate::testing
