@@ -76,6 +76,13 @@ double aligned(double place, double length, Align align) {
 
 }  // namespace
 
+int legible_px(double at_scale_one, double scale, const Tile& tile) {
+  constexpr int smallest_readable = 9;
+  constexpr int smallest_view = 150;
+  if (std::min(tile.view_width, tile.view_height) < smallest_view) return 0;
+  return std::max(smallest_readable, static_cast<int>(std::lround(at_scale_one * scale)));
+}
+
 struct Overlay::Impl {
   explicit Impl(vtkRenderer& target) : renderer(target) {
     colors->SetNumberOfComponents(4);

@@ -23,6 +23,10 @@ struct Tile {
   int view_height = 500;
 };
 
+/// Letters of `at_scale_one` pixels in a view of this scale: never below 9, the
+/// smallest that can be read, and 0 (none) where the view has no room for those.
+int legible_px(double at_scale_one, double scale, const Tile& tile);
+
 enum class Align { start, middle, end };
 
 /// Flat things drawn over a view, in pixels of the whole view, y up: filled

@@ -144,7 +144,7 @@ std::string length_text(double length, bool voxels) {
 
 std::string short_number(double value) {
   char text[32];
-  std::snprintf(text, sizeof text, std::abs(value) >= 1000.0 ? "%.0f" : "%.4g", value);
+  std::snprintf(text, sizeof text, std::abs(value) >= 1000.0 ? "%.0f" : "%.3g", value);
   return std::string(text) == "-0" ? "0" : text;
 }
 

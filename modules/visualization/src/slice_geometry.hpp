@@ -48,7 +48,7 @@ std::vector<Eigen::Vector3f> cut_by_plane(const float* vertices, std::size_t ver
 double nice_length(double largest);
 /// "20 mm", "0.5 mm", "1 voxel", "20 voxels".
 std::string length_text(double length, bool voxels);
-/// At most four digits, no trailing zeros: "255", "127.5", "0.031".
+/// Three digits, no trailing zeros: "255", "82.5", "0.031", "1024".
 std::string short_number(double value);
 
 }  // namespace palpate::visualization

@@ -35,10 +35,6 @@ double SliceScene::px(double at_scale_one) const {
   return std::max(1.0, std::round(at_scale_one * text_scale_));
 }
 
-int SliceScene::font_px(double at_scale_one) const {
-  return static_cast<int>(std::lround(at_scale_one * text_scale_));
-}
-
 void SliceScene::update_outline() {
   if (!outline_old_) return;
   outline_old_ = false;
@@ -138,14 +134,16 @@ std::string SliceScene::spacing_text() const {
   const std::string badge = content_.spacing_badge.empty() ? "" : " · " + content_.spacing_badge;
   if (content_.spacing_assumed) return "spacing unknown" + badge;
   const Eigen::Vector3d& spacing = content_.volume.geometry().spacing_mm();
+  if (spacing[0] == spacing[1] && spacing[1] == spacing[2])
+    return short_number(spacing[0]) + " mm voxels" + badge;
   return short_number(spacing[0]) + " × " + short_number(spacing[1]) + " × " + short_number(spacing[2]) +
          " mm" + badge;
 }
 
 void SliceScene::draw_corner_text(const Tile& tile) {
   Overlay::TextStyle style;
-  style.size_px = font_px(13.0);
-  if (style.size_px < 6) return;  // not legible: nothing rather than smear
+  style.size_px = legible_px(13.0, text_scale_, tile);
+  if (style.size_px == 0) return;  // not legible: nothing rather than smear
   const double inset = std::round(11.0 * text_scale_);
   const double w = tile.view_width;
   const double h = tile.view_height;
@@ -162,7 +160,9 @@ void SliceScene::draw_corner_text(const Tile& tile) {
   overlay_.text("W " + short_number(settings_.window) + "  L " + short_number(settings_.level),
                 {inset, inset + line}, style);
   style.color = quiet_text_color;
-  overlay_.text(spacing_text(), {inset, inset}, style);
+  const Eigen::Vector2d spacing = overlay_.text(spacing_text(), {inset, inset}, style);
+  // The letter at the lower edge stands above these lines where they reach it.
+  lower_letter_px_ = inset + spacing.x() + line > 0.5 * w ? inset + 2.0 * line : inset;
 
   style.horizontal = Align::end;
   style.vertical = Align::end;
@@ -172,8 +172,8 @@ void SliceScene::draw_corner_text(const Tile& tile) {
 void SliceScene::draw_side_letters(const Tile& tile) {
   if (!content_.orientation_known) return;
   Overlay::TextStyle style;
-  style.size_px = font_px(15.0);
-  if (style.size_px < 6) return;
+  style.size_px = legible_px(15.0, text_scale_, tile);
+  if (style.size_px == 0) return;
   style.bold = true;
   const double inset = std::round(9.0 * text_scale_);
   const double w = tile.view_width;
@@ -187,14 +187,15 @@ void SliceScene::draw_side_letters(const Tile& tile) {
   put(-frame_.right, {inset, 0.5 * h}, Align::start, Align::middle);
   put(frame_.right, {w - inset, 0.5 * h}, Align::end, Align::middle);
   put(frame_.up, {0.5 * w, h - inset}, Align::middle, Align::end);
-  put(-frame_.up, {0.5 * w, inset}, Align::middle, Align::start);
+  put(-frame_.up, {0.5 * w, std::max(inset, lower_letter_px_)}, Align::middle, Align::start);
 }
 
 void SliceScene::draw_scale_bar(const Tile& tile, const Projection& projection) {
   Overlay::TextStyle style;
-  style.size_px = font_px(13.0);
-  if (style.size_px < 6) return;
-  const double length = nice_length(0.24 * tile.view_width * projection.mm_per_px);
+  style.size_px = legible_px(13.0, text_scale_, tile);
+  if (style.size_px == 0) return;
+  const double length =
+      nice_length(0.24 * std::min<double>(tile.view_width, 1.6 * tile.view_height) * projection.mm_per_px);
   const double inset = std::round(13.0 * text_scale_);
   const double right = tile.view_width - inset;
   const double left = right - length / projection.mm_per_px;

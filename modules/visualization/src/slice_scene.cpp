@@ -94,14 +94,10 @@ void SliceScene::pan(double dx_px, double dy_px) {
 }
 
 Tile SliceScene::viewport_tile() const {
-  if (tile_fixed_) return tile_;
-  const int* size = renderer_->GetVTKWindow() != nullptr ? renderer_->GetSize() : nullptr;
-  Tile tile;
-  if (size != nullptr && size[0] > 0 && size[1] > 0) {
-    tile.width = tile.view_width = size[0];
-    tile.height = tile.view_height = size[1];
-  }
-  return tile;
+  if (tile_fixed_ || renderer_->GetVTKWindow() == nullptr) return tile_;  // as it was last drawn
+  const int* size = renderer_->GetSize();
+  if (size[0] <= 0 || size[1] <= 0) return tile_;
+  return {0, 0, size[0], size[1], size[0], size[1]};
 }
 
 void SliceScene::set_tile(const Tile& tile) {
@@ -152,6 +148,7 @@ void SliceScene::aim_camera(const Tile& tile, const Projection& projection) {
 
 void SliceScene::lay_out() {
   const Tile tile = viewport_tile();
+  tile_ = tile;
   const Projection now = projection(tile);
   aim_camera(tile, now);
   overlay_.begin(tile);

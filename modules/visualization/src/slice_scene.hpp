@@ -55,7 +55,6 @@ class SliceScene {
   Projection projection(const Tile& tile) const;
   Eigen::Vector2d on_screen(const Projection& projection, const Eigen::Vector3d& lps_mm) const;
   double px(double at_scale_one) const;  ///< at least one whole pixel
-  int font_px(double at_scale_one) const;
   void aim_camera(const Tile& tile, const Projection& projection);
   void update_outline();
   void draw_outline(const Projection& projection);
@@ -79,6 +78,7 @@ class SliceScene {
   Tile tile_;
   std::vector<Eigen::Vector3f> outline_;
   bool outline_old_ = true;
+  double lower_letter_px_ = 0.0;
   vtkNew<vtkRenderer> renderer_;
   Overlay overlay_;
   VoxelImage voxels_;

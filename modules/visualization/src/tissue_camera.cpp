@@ -16,40 +16,6 @@ namespace {
 constexpr double pi = 3.14159265358979323846;
 constexpr double radians(double degrees) { return degrees * pi / 180.0; }
 
-/// The sphere around what the view is about: surface or tissue at rest, else the scan.
-struct Sphere {
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  double radius = 50.0;
-};
-
-Sphere sphere_of(const SceneContent& content) {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d high = -low;
-  const auto add = [&](const Eigen::Vector3d& place) {
-    low = low.cwiseMin(place);
-    high = high.cwiseMax(place);
-  };
-  double margin = 1.12;
-  if (content.mesh && !content.mesh->empty()) {
-    for (const Eigen::Vector3f& vertex : content.mesh->vertices_mm) add(vertex.cast<double>());
-  } else if (content.tissue && content.tissue->points.size() > 0) {
-    for (std::size_t p = 0; p < content.tissue->points.size(); ++p) add(content.tissue->points.lps_mm(p));
-  } else if (!content.volume.empty()) {
-    const auto& dims = content.volume.dims();
-    for (int corner = 0; corner < 8; ++corner)
-      add(content.volume.geometry().to_lps_mm(Eigen::Vector3d((corner & 1) != 0 ? dims[0] : 0,
-                                                              (corner & 2) != 0 ? dims[1] : 0,
-                                                              (corner & 4) != 0 ? dims[2] : 0) -
-                                              Eigen::Vector3d::Constant(0.5)));
-    margin = 0.98;
-  }
-  Sphere sphere;
-  if (!(low.array() <= high.array()).all()) return sphere;
-  sphere.middle = 0.5 * (low + high);
-  sphere.radius = std::max(1e-3, 0.5 * (high - low).norm() * margin);
-  return sphere;
-}
-
 /// The camera's own axes: right, up, and towards the viewer.
 Eigen::Matrix3d axes_of(const interaction::Camera& camera) {
   Eigen::Matrix3d axes;
@@ -73,15 +39,46 @@ Rgba shaded(Rgba color, double factor) {
 
 }  // namespace
 
+Sphere sphere_around(const SceneContent& content) {
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d high = -low;
+  double margin = 1.10;
+  const auto each = [&](const auto& add) {
+    if (content.mesh && !content.mesh->empty()) {
+      for (const Eigen::Vector3f& vertex : content.mesh->vertices_mm) add(vertex.cast<double>());
+    } else if (content.tissue && content.tissue->points.size() > 0) {
+      for (std::size_t p = 0; p < content.tissue->points.size(); ++p) add(content.tissue->points.lps_mm(p));
+    } else if (!content.volume.empty()) {
+      const auto& dims = content.volume.dims();
+      for (unsigned corner = 0; corner < 8; ++corner) {
+        Eigen::Vector3d ijk;
+        for (unsigned axis = 0; axis < 3; ++axis)
+          ijk[axis] = ((corner >> axis) & 1U) != 0 ? dims[axis] - 0.5 : -0.5;
+        add(content.volume.geometry().to_lps_mm(ijk));
+      }
+      margin = 0.98;
+    }
+  };
+  each([&](const Eigen::Vector3d& place) {
+    low = low.cwiseMin(place);
+    high = high.cwiseMax(place);
+  });
+  Sphere sphere;
+  if (!(low.array() <= high.array()).all()) return sphere;
+  sphere.middle = 0.5 * (low + high);
+  sphere.radius = 0.0;
+  each([&](const Eigen::Vector3d& place) {
+    sphere.radius = std::max(sphere.radius, (place - sphere.middle).norm());
+  });
+  sphere.radius = std::max(1e-3, sphere.radius * margin);
+  return sphere;
+}
+
 Tile TissueScene::viewport_tile() const {
-  if (tile_fixed_) return tile_;
-  const int* size = renderer_->GetVTKWindow() != nullptr ? renderer_->GetSize() : nullptr;
-  Tile tile;
-  if (size != nullptr && size[0] > 0 && size[1] > 0) {
-    tile.width = tile.view_width = size[0];
-    tile.height = tile.view_height = size[1];
-  }
-  return tile;
+  if (tile_fixed_ || renderer_->GetVTKWindow() == nullptr) return tile_;  // as it was last drawn
+  const int* size = renderer_->GetSize();
+  if (size[0] <= 0 || size[1] <= 0) return tile_;
+  return {0, 0, size[0], size[1], size[0], size[1]};
 }
 
 void TissueScene::set_tile(const Tile& tile) {
@@ -90,17 +87,16 @@ void TissueScene::set_tile(const Tile& tile) {
 }
 
 interaction::Camera TissueScene::fitted_camera(const Tile& tile) const {
-  const Sphere sphere = sphere_of(content_);
   interaction::Camera camera;
   const double aspect = static_cast<double>(tile.view_width) / tile.view_height;
   const double half_angle = std::atan(std::tan(radians(0.5 * camera.view_angle_deg)) * std::min(1.0, aspect));
-  const double distance = sphere.radius / std::sin(half_angle);
+  const double distance = extent_.radius / std::sin(half_angle);
   // From the front, somewhat from the patient's left and from above.
   const Eigen::Vector3d toward = Eigen::Vector3d(0.52, -0.80, 0.34).normalized();
-  camera.focal_point_mm = sphere.middle;
-  camera.position_mm = sphere.middle + toward * distance;
+  camera.focal_point_mm = extent_.middle;
+  camera.position_mm = extent_.middle + toward * distance;
   camera.view_up = Eigen::Vector3d::UnitZ();
-  camera.parallel_scale_mm = sphere.radius / std::min(1.0, aspect);
+  camera.parallel_scale_mm = extent_.radius / std::min(1.0, aspect);
   return camera;
 }
 
@@ -208,6 +204,7 @@ void TissueScene::paint_ground(const Tile& tile) {
 
 void TissueScene::lay_out() {
   const Tile tile = viewport_tile();
+  tile_ = tile;
   aim_camera(tile);
   paint_ground(tile);
   const double spacing = content_.tissue ? content_.tissue->spacing_mm.mean() : 1.0;
@@ -229,8 +226,8 @@ void TissueScene::lay_out() {
 
 void TissueScene::draw_corner_text(const Tile& tile) {
   Overlay::TextStyle style;
-  style.size_px = static_cast<int>(std::lround(13.0 * text_scale_));
-  if (style.size_px < 6) return;
+  style.size_px = legible_px(13.0, text_scale_, tile);
+  if (style.size_px == 0) return;
   const double inset = std::round(11.0 * text_scale_);
   style.vertical = Align::end;
   style.bold = true;
@@ -302,7 +299,7 @@ void TissueScene::draw_axes(const Tile& tile) {
   const Rgba colors[] = {{214, 112, 100, 255}, {124, 184, 106, 255}, {110, 152, 214, 255}};
   const char* names[] = {"i", "j", "k"};
   Overlay::TextStyle style;
-  style.size_px = static_cast<int>(std::lround(13.0 * text_scale_));
+  style.size_px = legible_px(13.0, text_scale_, tile);
   style.horizontal = style.vertical = Align::middle;
   style.bold = true;
   for (int axis = 0; axis < 3; ++axis) {
@@ -311,7 +308,7 @@ void TissueScene::draw_axes(const Tile& tile) {
     const Eigen::Vector2d end(along.dot(view.col(0)), along.dot(view.col(1)));
     overlay_.line(middle, middle + length * end, std::max(1.5, 2.0 * text_scale_), colors[axis]);
     style.color = colors[axis];
-    if (style.size_px >= 6) overlay_.text(names[axis], middle + (length + 9.0 * text_scale_) * end, style);
+    if (style.size_px > 0) overlay_.text(names[axis], middle + (length + 9.0 * text_scale_) * end, style);
   }
 }
 

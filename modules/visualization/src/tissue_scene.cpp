@@ -85,7 +85,7 @@ TissueScene::TissueScene() : overlay_(*renderer_) {
     renderer_->AddActor(part->actor);
   vtkProperty* skin = surface_.actor->GetProperty();
   set_color(skin, flesh_color(0.5));
-  skin->SetAmbient(0.10);
+  skin->SetAmbient(0.14);
   skin->SetDiffuse(0.92);
   skin->SetSpecular(0.16);
   skin->SetSpecularPower(22.0);
@@ -161,6 +161,8 @@ void TissueScene::set_content(const SceneContent& content) {
   if (old.tissue != content_.tissue || old.positions_mm != content_.positions_mm ||
       old.held_points != content_.held_points)
     update_held();
+  if (reshaped || old.mesh != content_.mesh || old.tissue != content_.tissue)
+    extent_ = sphere_around(content_);
   if (reshaped) {
     update_box();
     fitted_ = !settings_.camera.has_value();

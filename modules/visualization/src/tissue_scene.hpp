@@ -37,6 +37,13 @@ struct SharedGeometry {
 /// under way while tissue is built anew.
 bool is_deformed(const SceneContent& content);
 
+/// The sphere around what the view is about: surface or tissue at rest, else the scan.
+struct Sphere {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  double radius = 50.0;
+};
+Sphere sphere_around(const SceneContent& content);
+
 /// What a TissueView shows, and the same for pictures, tile by tile.
 class TissueScene {
  public:
@@ -88,6 +95,7 @@ class TissueScene {
   SceneContent content_;
   ViewSettings settings_;
   interaction::Camera camera_;
+  Sphere extent_;
   bool fitted_ = true;  ///< nobody moved the camera
   double text_scale_ = 1.0;
   bool tile_fixed_ = false;
