@@ -12,10 +12,10 @@ namespace {
 QString rows(const QVector<Binding>& bindings) {
   QString html;
   for (const auto& binding : bindings) {
-    html +=
-        QStringLiteral(
-            "<tr><td style='padding:2px 24px 2px 0; color:%1'>%2</td><td style='padding:2px 0'>%3</td></tr>")
-            .arg(colors::quiet_text.name(), binding.keys.toHtmlEscaped(), binding.effect.toHtmlEscaped());
+    html += QStringLiteral(
+                "<tr><td width='220' style='padding:2px 24px 2px 0; color:%1'>%2</td><td style='padding:2px "
+                "0'>%3</td></tr>")
+                .arg(colors::quiet_text.name(), binding.keys.toHtmlEscaped(), binding.effect.toHtmlEscaped());
   }
   return html;
 }

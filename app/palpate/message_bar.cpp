@@ -15,6 +15,14 @@ MessageBar::MessageBar(QWidget* parent) : QFrame(parent), ui_(std::make_unique<U
   ui_->setupUi(this);
   ui_->messageClose->setIcon(icon("close"));
   ui_->messageCopyButton->setIcon(icon("copy"));
+  // The sentence takes the width; the buttons take what they need.
+  QSizePolicy wide(QSizePolicy::Expanding, QSizePolicy::Preferred);
+  wide.setHorizontalStretch(1);
+  wide.setHeightForWidth(true);
+  ui_->messageText->setSizePolicy(wide);
+  for (auto* button : {ui_->messageOffer, ui_->messageDetailsButton, ui_->messageCopyButton}) {
+    button->setSizePolicy(QSizePolicy::Maximum, QSizePolicy::Fixed);
+  }
   ui_->messageDetails->hide();
   hide();
   connect(ui_->messageClose, &QToolButton::clicked, this, &QWidget::hide);

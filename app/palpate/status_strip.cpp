@@ -135,7 +135,9 @@ void StatusStrip::refresh() {
   points_->setText(tissue ? tr("%1 points").arg(short_count(static_cast<double>(tissue->statistics.points)))
                           : QString());
   if (!frame || !tissue) {
-    device_->setText(workbench_.has_volume() ? tr("no tissue yet") : tr("no scan open"));
+    device_->setText(tissue                    ? tr("preparing the device…")
+                     : workbench_.has_volume() ? tr("no tissue yet")
+                                               : tr("no scan open"));
     step_time_->clear();
     real_time_->clear();
     gauge_->hide();

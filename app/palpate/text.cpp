@@ -11,6 +11,8 @@ QString short_number(double value, int significant_digits) {
   if (!std::isfinite(value)) return QStringLiteral("∞");
   const double size = std::abs(value);
   if (size == 0.0) return QStringLiteral("0");
+  // A whole number is shown whole.
+  if (size < 1e6 && value == std::round(value)) return QString::number(value, 'f', 0);
   const int whole = static_cast<int>(std::floor(std::log10(size))) + 1;
   return QString::number(value, 'f', std::clamp(significant_digits - whole, 0, 6));
 }

@@ -7,6 +7,12 @@
 #include <cmath>
 
 namespace palpate::gui {
+namespace {
+
+// Rounded as it is shown, and never "-0.0".
+double tenths(double value) { return std::round(value * 10.0) / 10.0 + 0.0; }
+
+}  // namespace
 
 TransportBar::TransportBar(Workbench& workbench, QWidget* parent)
     : QFrame(parent), workbench_(workbench), ui_(std::make_unique<Ui::TransportBar>()) {
@@ -61,9 +67,9 @@ void TransportBar::show_cursor(bool inside, double x_mm, double y_mm, double z_m
                                 .arg(voxel[0])
                                 .arg(voxel[1])
                                 .arg(voxel[2])
-                                .arg(x_mm, 0, 'f', 1)
-                                .arg(y_mm, 0, 'f', 1)
-                                .arg(z_mm, 0, 'f', 1)
+                                .arg(tenths(x_mm), 0, 'f', 1)
+                                .arg(tenths(y_mm), 0, 'f', 1)
+                                .arg(tenths(z_mm), 0, 'f', 1)
                                 .arg(short_number(volume.at(voxel[0], voxel[1], voxel[2]))));
 }
 
