@@ -69,8 +69,6 @@ Counted estimated(ScanOptions& scan, Console& console, const core::Progress& pro
   const auto start = std::chrono::steady_clock::now();
   const auto estimate = session::estimate_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 1.0));
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  if (estimate.tissue.dropped_unknown)
-    console.warn("points-estimated", "With --min-component the points that stay are counted only nearly.");
   return {estimate.tissue.statistics, estimate.stable_step.step_s, wall.count(), estimate.threshold_low,
           estimate.tissue.sampled};
 }

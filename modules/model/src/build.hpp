@@ -25,6 +25,7 @@ Occupancy occupy(const core::Volume& volume, Plan& plan, unsigned threads, const
 Tissue build(const core::Volume& volume, const TissueParameters& parameters, const Plan& plan,
              const Occupancy& occupancy, unsigned threads, const core::Progress& progress);
 [[noreturn]] void throw_no_tissue(const core::Volume& volume, const IntensityWindow& window);
+[[noreturn]] void throw_all_dropped(std::size_t min_component, std::size_t largest_component);
 
 /// generate() with a number of threads, which must not show in the result.
 Tissue generate_with(const core::Volume& volume, const TissueParameters& parameters, unsigned threads,

@@ -137,6 +137,20 @@ void describe(const RunComponents& components, const core::Volume& volume, const
   }
 }
 
+/// Which points stay depends on every link where small components are dropped
+/// and links do not follow from touching voxels: so all are made, and counted.
+void count_what_stays(const Tissue& all, std::size_t min_component, TissueStatistics& statistics) {
+  statistics.points = statistics.components = statistics.largest_component = statistics.isolated = 0;
+  const std::vector<std::size_t> sizes = components_of(all.links, all.points.size()).sizes;
+  if (sizes.front() < min_component) throw_all_dropped(min_component, sizes.front());
+  for (const std::size_t points : sizes) {
+    if (points < min_component) continue;
+    statistics.points += points;
+    ++statistics.components;
+    statistics.largest_component = std::max(statistics.largest_component, points);
+  }
+}
+
 /// The block of about `block_sites` sites that holds most points.
 LatticeFrame densest_block(const LatticeFrame& whole, const std::vector<Run>& runs) {
   Cell edge = whole.size;
@@ -205,13 +219,15 @@ TissueEstimate estimate(const core::Volume& volume, const TissueParameters& para
 
   TissueStatistics& statistics = result.statistics;
   describe(components, volume, parameters, plan, statistics);
+  if (!six && parameters.min_component > 1)
+    count_what_stays(build(volume, parameters, plan, occupancy, threads, progress.part(0.6, 0.7)),
+                     parameters.min_component, statistics);
   statistics.mean_links_per_point = links.mean();
   statistics.links =
       static_cast<std::size_t>(std::llround(0.5 * links.mean() * static_cast<double>(statistics.points)));
   statistics.min_links_per_point = statistics.isolated > 0 ? 0 : links.fewest;
   statistics.max_links_per_point = links.most;
   statistics.bytes = bytes_of(statistics.points, statistics.links, links.most);
-  result.dropped_unknown = !six && parameters.min_component > 1;
 
   Plan block = plan;
   block.frame = densest_block(plan.frame, components.runs);

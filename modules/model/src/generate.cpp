@@ -81,12 +81,7 @@ void drop_small_components(Tissue& tissue, std::size_t min_component, const core
   progress.report(0.0, "Dropping specks");
   const Components components = components_with(tissue.links, tissue.points.size(), progress.cancel());
   if (components.sizes.back() >= min_component) return;
-  if (components.sizes.front() < min_component) {
-    std::ostringstream text;
-    text << "Every piece of tissue is smaller than " << min_component << " points; the largest has "
-         << components.sizes.front() << ". Lower the smallest component or the threshold.";
-    throw core::Error(core::ErrorKind::input, "no-tissue", text.str());
-  }
+  if (components.sizes.front() < min_component) throw_all_dropped(min_component, components.sizes.front());
   progress.report(0.4, "Dropping specks");
   const auto stays = [&](std::size_t point) {
     return components.sizes[components.component[point]] >= min_component;
@@ -122,6 +117,13 @@ void throw_no_tissue(const core::Volume& volume, const IntensityWindow& window) 
   text << "No voxel lies between " << window.low << " and " << window.high
        << "; the volume's values reach from " << volume.range().min << " to " << volume.range().max
        << ". Choose a threshold in that range, or a larger crop.";
+  throw core::Error(core::ErrorKind::input, "no-tissue", text.str());
+}
+
+void throw_all_dropped(std::size_t min_component, std::size_t largest_component) {
+  std::ostringstream text;
+  text << "Every piece of tissue is smaller than " << min_component << " points; the largest has "
+       << largest_component << ". Lower the smallest component or the threshold.";
   throw core::Error(core::ErrorKind::input, "no-tissue", text.str());
 }
 

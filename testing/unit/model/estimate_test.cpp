@@ -35,7 +35,6 @@ TEST(Estimate, IsCloseForAShellAndABox) {
         const TissueEstimate guess = estimate(volume, parameters);
         const TissueStatistics real = statistics_of(generate(volume, parameters));
         EXPECT_TRUE(guess.sampled) << name;
-        EXPECT_FALSE(guess.dropped_unknown);
         EXPECT_EQ(guess.statistics.points, real.points) << name;
         // 1500 of the points with a spread of about 2 links in 11 give 0.5 %; 3 % leaves room.
         EXPECT_NEAR(ratio(guess.statistics.links, real.links), 1.0, 0.03) << name << " noise " << noise;
@@ -78,7 +77,6 @@ TEST(Estimate, BuildsASmallTissueWhole) {
   const TissueEstimate guess = estimate(volume, parameters);
   const Tissue real = generate(volume, parameters);
   EXPECT_FALSE(guess.sampled);
-  EXPECT_FALSE(guess.dropped_unknown);
   EXPECT_EQ(guess.sample.links.pairs, real.links.pairs);
   EXPECT_EQ(guess.statistics.points, real.points.size());
 }
@@ -93,12 +91,15 @@ TEST(Estimate, CountsWhatStaysOfSpecks) {
   parameters.min_component = 9;
   parameters.links = LinkRule::six;
   TissueEstimate guess = estimate(volume, parameters);
-  EXPECT_FALSE(guess.dropped_unknown);  // touching voxels are what six links join
   EXPECT_EQ(guess.statistics.points, generate(volume, parameters).points.size());
   EXPECT_EQ(guess.statistics.components, 1U);
 
   parameters.links = LinkRule::nearest;
   guess = estimate(volume, parameters);
-  EXPECT_TRUE(guess.dropped_unknown);
-  EXPECT_NEAR(ratio(guess.statistics.points, generate(volume, parameters).points.size()), 1.0, 0.01);
+  const Tissue real = generate(volume, parameters);
+  EXPECT_TRUE(guess.sampled);
+  EXPECT_EQ(guess.statistics.points, real.points.size());
+  EXPECT_EQ(guess.statistics.components, statistics_of(real).components);
+  parameters.min_component = volume.size();
+  EXPECT_THROW(estimate(volume, parameters), palpate::core::Error);
 }

@@ -57,16 +57,16 @@ Tissue generate(const core::Volume& volume, const TissueParameters& parameters,
 LinkGraph link_nearest(const PointCloud& points, const Eigen::Vector3d& point_spacing_mm, int max_links,
                        const core::Progress& progress = {});
 
-/// What generate() would make, without making it: `points` is exact but for
-/// the small components that would be dropped (`dropped_unknown`). The rest is
-/// scaled up from the exact link lists of points sampled all over the tissue;
-/// components are those of the touching voxels. Takes well under a tenth of
-/// generate(). Throws as generate() does.
+/// What generate() would make, without keeping it: `points` is exact. Links,
+/// bytes and bounds are scaled up from the exact link lists of points sampled
+/// all over the tissue; components are those of the touching voxels. Takes well
+/// under a tenth of generate(), but as long as it where min_component > 1 and
+/// links are `nearest`: which points stay is then known only from all links,
+/// and components are exact too. Throws as generate() does.
 struct TissueEstimate {
   TissueStatistics statistics;
-  Tissue sample;                 ///< the densest block, built, for a stable-step estimate
-  bool sampled = true;           ///< false when the whole tissue was small enough to be built
-  bool dropped_unknown = false;  ///< min_component > 1 and `points` counts what stays only nearly
+  Tissue sample;        ///< the densest block, built, for a stable-step estimate
+  bool sampled = true;  ///< false when the whole tissue was small enough to be built
 };
 TissueEstimate estimate(const core::Volume& volume, const TissueParameters& parameters,
                         const core::Progress& progress = {});
