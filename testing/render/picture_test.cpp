@@ -3,6 +3,7 @@
 #include "drawing.hpp"
 
 #include "palpate/core/error.hpp"
+#include "palpate/testing/support.hpp"
 #include "palpate/visualization/tissue_view.hpp"
 
 #include <gtest/gtest.h>
@@ -268,6 +269,19 @@ TEST(Picture, NothingToDrawIsNoError) {
   EXPECT_EQ(picture.width_px, 320);
 }
 
+TEST(Picture, AFlatImageIsShownInEveryView) {
+  SceneContent scene;
+  scene.volume = {core::ImageGeometry({40, 30, 1}, {0.5, 0.5, 1.0}, {0, 0, 0}),
+                  std::vector<float>(1200, 90.0F)};
+  ViewSettings settings;
+  settings.crosshair_mm = scene.volume.geometry().center_mm();
+  settings.annotations = settings.show_crosshair = false;
+  for (const PictureView view : {PictureView::axial, PictureView::coronal, PictureView::sagittal}) {
+    const core::Picture picture = picture_of(scene, settings, view);
+    EXPECT_NEAR(pixel(picture, 160, 120)[0], 90, 1) << static_cast<int>(view);
+  }
+}
+
 TEST(Picture, LeavesTheCallersContextAloneAndSaysNothing) {
   EGLDisplay display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   ASSERT_EQ(eglInitialize(display, nullptr, nullptr), EGL_TRUE);
@@ -305,4 +319,15 @@ TEST(Renderer, IsNamed) {
   const RendererInfo info = offscreen_renderer();
   EXPECT_FALSE(info.name.empty());
   EXPECT_EQ(info.software || info.name.find("llvmpipe") == std::string::npos, true) << info.name;
+}
+
+TEST(Renderer, SaysWhatIsMissingWhereNothingDraws) {
+  // This program again, with no EGL driver to be found: the test above then fails with the message.
+  const auto result = palpate::testing::run_program(
+      "/usr/bin/env",
+      {"__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent",
+       (palpate::testing::program_folder() / "test_render").string(), "--gtest_filter=Renderer.IsNamed"});
+  EXPECT_EQ(result.signal, 0);
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.out.find("no OpenGL driver"), std::string::npos) << result.out;
 }

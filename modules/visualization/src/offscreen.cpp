@@ -170,21 +170,28 @@ struct OffscreenCanvas::Impl {
 };
 
 OffscreenCanvas::OffscreenCanvas() : impl_(std::make_unique<Impl>()) {}
-OffscreenCanvas::~OffscreenCanvas() = default;
+OffscreenCanvas::~OffscreenCanvas() { release(); }
 
 std::string OffscreenCanvas::probe_renderer_name() {
   const EglContext context;
   return EglContext::renderer_name();
 }
 
+void OffscreenCanvas::release() {
+  vtkRendererCollection* renderers = impl_->window->GetRenderers();
+  while (vtkRenderer* renderer = renderers->GetFirstRenderer()) impl_->window->RemoveRenderer(renderer);
+}
+
 std::vector<std::uint8_t> OffscreenCanvas::draw(vtkRenderer& renderer, int width_px, int height_px) {
   vtkGenericOpenGLRenderWindow* window = impl_->window;
   window->SetSize(width_px, height_px);
-  window->AddRenderer(&renderer);
+  if (window->HasRenderer(&renderer) == 0) {
+    release();
+    window->AddRenderer(&renderer);
+  }
   window->Render();
   vtkNew<vtkUnsignedCharArray> pixels;
   const int got = window->GetRGBACharPixelData(0, 0, width_px - 1, height_px - 1, 0, pixels);
-  window->RemoveRenderer(&renderer);
   const auto bytes = static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) * 4;
   if (got != VTK_OK || static_cast<std::size_t>(pixels->GetNumberOfValues()) < bytes)
     no_renderer(impl_->name + ": " + impl_->complaints);

@@ -23,8 +23,11 @@ class OffscreenCanvas {
 
   /// GL_RENDERER of such a context, without a window.
   static std::string probe_renderer_name();
-  /// Draws; RGBA, bottom row first, alpha premultiplied.
+  /// Draws; RGBA, bottom row first, alpha premultiplied. What the renderer laid
+  /// into the driver's memory stays there for its next drawing.
   std::vector<std::uint8_t> draw(vtkRenderer& renderer, int width_px, int height_px);
+  /// Lets go of the renderer that was drawn last.
+  void release();
 
  private:
   struct Impl;

@@ -129,6 +129,7 @@ void draw_pane(OffscreenCanvas& canvas, Scene& scene, const Place& place, bool k
       put(picture, rgba, tile.width, tile.height, place.x + x, place.y + y, keep_alpha);
     }
   }
+  canvas.release();
 }
 
 core::Picture blank(const PictureRequest& request, bool transparent) {

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <filesystem>
-#include <string>
-#include <vector>
-
 #include "palpate/core/picture.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/visualization/scene.hpp"
+
+#include <filesystem>
+#include <string>
+#include <vector>
 
 namespace palpate::visualization {
 
@@ -15,7 +15,7 @@ enum class PictureView { four_up, side_by_side, three_d, axial, coronal, sagitta
 PictureView picture_view_from(const std::string& word);
 
 struct PictureRequest {
-  int width_px = 1600;   ///< 16..8192
+  int width_px = 1600;  ///< 16..8192
   int height_px = 1200;
   PictureView view = PictureView::four_up;
 };

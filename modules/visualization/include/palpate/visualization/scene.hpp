@@ -1,18 +1,19 @@
 #pragma once
 
+#include "palpate/core/mesh.hpp"
+#include "palpate/core/volume.hpp"
+#include "palpate/interaction/ray.hpp"
+#include "palpate/model/tissue.hpp"
+#include "palpate/surface/binding.hpp"
+
 #include <Eigen/Core>
+
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include "palpate/core/mesh.hpp"
-#include "palpate/core/volume.hpp"
-#include "palpate/interaction/ray.hpp"
-#include "palpate/model/tissue.hpp"
-#include "palpate/surface/binding.hpp"
 
 namespace palpate::visualization {
 
@@ -30,14 +31,14 @@ struct GrabMarker {
 /// were handed over. Anything may be absent.
 struct SceneContent {
   core::Volume volume;
-  bool spacing_assumed = false;      ///< lengths are then in voxels
-  std::string spacing_badge;         ///< "stated", "assumed", ...
-  bool orientation_known = false;    ///< letters R L A P S I only then
-  std::shared_ptr<const core::TriangleMesh> mesh;               ///< at rest, with topology
-  std::shared_ptr<const surface::DeformedSurface> deformed;     ///< null: at rest
+  bool spacing_assumed = false;                              ///< lengths are then in voxels
+  std::string spacing_badge;                                 ///< "stated", "assumed", ...
+  bool orientation_known = false;                            ///< letters R L A P S I only then
+  std::shared_ptr<const core::TriangleMesh> mesh;            ///< at rest, with topology
+  std::shared_ptr<const surface::DeformedSurface> deformed;  ///< null: at rest
   std::shared_ptr<const model::Tissue> tissue;
   std::shared_ptr<const std::vector<Eigen::Vector3f>> positions_mm;  ///< relative to centre; null: at rest
-  std::vector<std::uint32_t> held_points;                       ///< drawn red
+  std::vector<std::uint32_t> held_points;                            ///< drawn red
   std::optional<GrabMarker> grab;
 };
 
@@ -52,8 +53,8 @@ struct ViewSettings {
   std::optional<interaction::Camera> camera;  ///< of the 3-D view; fitted where absent
   bool annotations = true;                    ///< corner text, scale bar, orientation cube
   std::array<float, 3> background{0.0F, 0.0F, 0.0F};
-  bool use_gradient = true;                   ///< the 3-D view's own ground
-  bool transparent = false;                   ///< pictures only
+  bool use_gradient = true;  ///< the 3-D view's own ground
+  bool transparent = false;  ///< pictures only
 };
 /// Crosshair at the volume's centre, window and level from the 0.5 % and
 /// 99.5 % quantiles.

@@ -1,8 +1,8 @@
 #pragma once
 
-#include <memory>
-
 #include "palpate/visualization/scene.hpp"
+
+#include <memory>
 
 class vtkRenderer;
 
@@ -22,22 +22,23 @@ class SliceView {
   SlicePlane plane() const noexcept;
   vtkRenderer* renderer() const noexcept;  ///< add it to any render window
 
-  void set_content(const SceneContent& content);   ///< cheap for what did not change
+  void set_content(const SceneContent& content);  ///< cheap for what did not change
   void set_settings(const ViewSettings& settings);
   /// Pixels per point of text, so that pictures of any size look alike: 1 for
   /// a view 500 pixels high.
   void set_text_scale(double scale);
 
-  int slice() const noexcept;        ///< index along the view's image axis
+  int slice() const noexcept;  ///< index along the view's image axis
   int slice_count() const noexcept;
   /// The crosshair moved so that slice `index` is shown.
   Eigen::Vector3d crosshair_at_slice(int index) const;
 
-  void fit();                                  ///< shows the whole slice
-  void zoom(double factor);                    ///< > 1 makes it larger
+  void fit();                ///< shows the whole slice
+  void zoom(double factor);  ///< > 1 makes it larger
   void pan(double dx_px, double dy_px);
-  double zoom_percent() const;                 ///< 100 = fitted
-  /// LPS place on the shown slice under a viewport pixel (origin bottom left).
+  double zoom_percent() const;  ///< 100 = fitted
+  /// LPS place on the shown slice under a viewport pixel (origin bottom left;
+  /// the middle of the first pixel is 0.5).
   Eigen::Vector3d place_at(double x_px, double y_px) const;
 
  private:
