@@ -7,6 +7,9 @@
 #include <QDir>
 #include <QFileInfo>
 
+#include <algorithm>
+#include <string>
+
 namespace {
 
 // Beside an installed program, else in the source tree that this was built from.
@@ -19,16 +22,13 @@ QString find_sample() {
   return {};
 }
 
-}  // namespace
+void name_program() {
+  QCoreApplication::setApplicationName(QStringLiteral("Palpate"));
+  QCoreApplication::setOrganizationName(QStringLiteral("Palpate"));
+  QCoreApplication::setApplicationVersion(QStringLiteral(PALPATE_VERSION));
+}
 
-int main(int argc, char** argv) {
-  palpate::gui::prepare_application();
-  QApplication application(argc, argv);
-  QApplication::setApplicationName(QStringLiteral("Palpate"));
-  QApplication::setOrganizationName(QStringLiteral("Palpate"));
-  QApplication::setApplicationVersion(QStringLiteral(PALPATE_VERSION));
-
-  QCommandLineParser parser;
+void describe(QCommandLineParser& parser) {
   parser.setApplicationDescription(
       QStringLiteral("Turns an ultrasound volume into tissue that can be pulled."));
   parser.addHelpOption();
@@ -39,6 +39,28 @@ int main(int argc, char** argv) {
                     QStringLiteral("DEVICE")});
   parser.addPositionalArgument(QStringLiteral("scan"), QStringLiteral("A file, or a folder of one series."),
                                QStringLiteral("[scan]"));
+}
+
+bool asks_for_words(int argc, char** argv) {
+  return std::any_of(argv + 1, argv + argc, [](const std::string& word) {
+    return word == "--help" || word == "-h" || word == "--help-all" || word == "--version" || word == "-v";
+  });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  name_program();
+  QCommandLineParser parser;
+  describe(parser);
+  if (asks_for_words(argc, argv)) {
+    // Answered without a display.
+    const QCoreApplication application(argc, argv);
+    parser.process(application);
+    return 0;
+  }
+  palpate::gui::prepare_application();
+  QApplication application(argc, argv);
   parser.process(application);
 
   palpate::gui::apply_theme(application);
