@@ -31,6 +31,11 @@ std::optional<std::filesystem::path> test_scan(const std::string& relative_path)
   return path;
 }
 
+int repetitions(int reduced, int full) {
+  const char* wanted = std::getenv("PALPATE_TEST_LONG");
+  return wanted != nullptr && *wanted == '1' ? full : reduced;
+}
+
 std::filesystem::path program_folder() {
   return std::filesystem::read_symlink("/proc/self/exe").parent_path();
 }

@@ -295,7 +295,7 @@ TEST(MeshFiles, DamagedFilesNeverCrashOrPrint) {
     const std::string whole = bytes_of(folder / name);
     const auto damaged_path =
         folder / (std::string("damaged") + std::filesystem::path(name).extension().string());
-    for (int trial = 0; trial < 150; ++trial) {
+    for (int trial = 0; trial < palpate::testing::repetitions(150, 3000); ++trial) {
       std::string bytes = whole;
       if (trial % 5 == 0) bytes.resize(random() % bytes.size());
       const auto changes = trial % 5 == 0 ? 0U : 1 + random() % 4;

@@ -34,6 +34,9 @@ struct ProgramResult {
 /// Runs a program of this build (beside the test) or an absolute path.
 ProgramResult run_program(const std::string& program, const std::vector<std::string>& arguments,
                           double time_limit_s = 120.0);
+/// How often a test that grows with its count repeats: `full` under
+/// `scripts/test --long`, else `reduced`.
+int repetitions(int reduced, int full);
 /// The folder that holds this build's programs.
 std::filesystem::path program_folder();
 
