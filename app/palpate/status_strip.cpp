@@ -144,8 +144,9 @@ void StatusStrip::refresh() {
     return;
   }
   const QString name = QString::fromStdString(frame->device);
-  device_->setText(name.size() > longest_device_name ? name.left(longest_device_name - 1) + QChar(0x2026)
-                                                     : name);
+  const QString known = short_device(name);
+  device_->setText(known.size() > longest_device_name ? known.left(longest_device_name - 1) + QChar(0x2026)
+                                                      : known);
   device_->setToolTip(tr("The simulation runs on %1").arg(name));
   step_time_->setText(frame->ms_per_step > 0.0 ? tr("%1 ms/step").arg(short_number(frame->ms_per_step, 2))
                                                : QString());
@@ -161,10 +162,7 @@ void StatusStrip::refresh_drawing() {
   const double fps = frames_per_second_();
   fps_->setText(fps >= 1.0 ? tr("%1 fps").arg(std::lround(fps)) : QString());
   const QString name = renderer_name_();
-  const bool software = name.contains(QLatin1String("llvmpipe"), Qt::CaseInsensitive) ||
-                        name.contains(QLatin1String("softpipe"), Qt::CaseInsensitive) ||
-                        name.contains(QLatin1String("swr"), Qt::CaseInsensitive);
-  renderer_->setText(software ? tr("software GL") : name);
+  renderer_->setText(is_software_renderer(name) ? tr("software GL") : name);
   renderer_->setToolTip(name.isEmpty() ? tr("What draws the views")
                                        : tr("The views are drawn by %1").arg(name));
 }

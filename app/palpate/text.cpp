@@ -1,6 +1,7 @@
 #include "text.hpp"
 
 #include <QLocale>
+#include <QRegularExpression>
 #include <QStringList>
 
 #include <cmath>
@@ -82,6 +83,28 @@ QString describe_provenance(core::Provenance provenance) {
       return QStringLiteral("not in the file");
   }
   return {};
+}
+
+QString short_device(const QString& name) {
+  QString shown = name;
+  // The portable driver puts its own words and the compiler's target first.
+  static const QRegularExpression portable(
+      QStringLiteral("^(pthread|cpu|basic)(-minimal)?-((?!AMD|Intel|ARM)[a-z0-9_]+(-avx512|-avx2|-avx)?-)?"));
+  const bool is_portable = portable.match(shown).hasMatch();
+  shown.remove(portable);
+  static const QRegularExpression noise(
+      QStringLiteral("\\((R|TM|C)\\)|\\b\\d+-Core\\b|\\bProcessor\\b|\\bCPU\\b|@ *[0-9.]+ *GHz"),
+      QRegularExpression::CaseInsensitiveOption);
+  shown.remove(noise);
+  shown = shown.simplified();
+  return is_portable ? QStringLiteral("CPU · %1 (PoCL)").arg(shown) : shown;
+}
+
+bool is_software_renderer(const QString& name) {
+  for (const char* word : {"llvmpipe", "softpipe", "swrast", "swr"}) {
+    if (name.contains(QLatin1String(word), Qt::CaseInsensitive)) return true;
+  }
+  return false;
 }
 
 }  // namespace palpate::gui

@@ -16,5 +16,9 @@ QString describe_dims(const core::ImageGeometry& geometry);
 QString describe_spacing(const core::VolumeInfo& info);
 QString describe_series(const core::VolumeInfo& info);
 QString describe_provenance(core::Provenance provenance);
+/// A device's name as people know it: "CPU · AMD EPYC (PoCL)".
+QString short_device(const QString& name);
+/// Whether OpenGL's renderer of this name is the processor.
+bool is_software_renderer(const QString& name);
 
 }  // namespace palpate::gui

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "text.hpp"
 #include "views/view_state.hpp"
 #include "workbench.hpp"
 
@@ -30,6 +31,8 @@ class GlView : public QVTKOpenGLNativeWidget {
   virtual void step_slices(int count) = 0;
   /// What draws, once something was drawn: "llvmpipe (LLVM 15...)".
   const QString& renderer_name() const { return renderer_name_; }
+  /// The processor draws, in place of a graphics card.
+  bool draws_in_software() const { return is_software_renderer(renderer_name_); }
 
  signals:
   void maximiseRequested();
@@ -38,6 +41,7 @@ class GlView : public QVTKOpenGLNativeWidget {
   void hovered(bool inside, double x_mm, double y_mm, double z_mm);
 
  protected:
+  void initializeGL() override;
   bool event(QEvent* event) override;
   void mousePressEvent(QMouseEvent* event) override;
   void mouseMoveEvent(QMouseEvent* event) override;

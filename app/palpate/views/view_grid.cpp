@@ -182,13 +182,16 @@ void ViewGrid::show_volume() {
 }
 
 // While it plays, each frame draws the 3-D view and one of the slices in turn:
-// the outline on a slice costs more than it tells at 60 Hz.
+// the outline on a slice costs more than it tells at 60 Hz. Where the processor
+// draws, it also simulates, and the slices follow at a third of that rate.
 void ViewGrid::show_frame() {
   tissue_->update_content();
   if (!workbench_.playing()) {
     for (const int place : {axial, sagittal, coronal}) view(place).update_content();
     return;
   }
+  if (tissue_->isVisible() && tissue_->draws_in_software() && ++frames_without_slice_ < 3) return;
+  frames_without_slice_ = 0;
   constexpr std::array<int, 3> slices{axial, sagittal, coronal};
   for (std::size_t tried = 0; tried < slices.size(); ++tried) {
     next_slice_ = (next_slice_ + 1) % 3;

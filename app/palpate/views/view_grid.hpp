@@ -60,6 +60,7 @@ class ViewGrid : public QWidget {
   ViewLayout before_ = ViewLayout::four_up;
   int maximised_ = -1;
   int next_slice_ = 0;
+  int frames_without_slice_ = 0;
   QElapsedTimer clock_;
   mutable std::vector<qint64> drawn_ms_;
 };

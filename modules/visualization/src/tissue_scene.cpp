@@ -111,6 +111,9 @@ TissueScene::TissueScene() : overlay_(*renderer_) {
   set_color(grab_.actor->GetProperty(), with_alpha(grab_color, 84));
   grab_.actor->GetProperty()->BackfaceCullingOn();
   grab_.actor->GetProperty()->SetAmbient(0.35);
+  // Both are blended over what was drawn before them, in the same pass: VTK's pass
+  // for translucent things goes over the whole view several times for every picture.
+  for (SharedGeometry* part : {&box_, &grab_}) part->actor->ForceOpaqueOn();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     slice_mappers_[axis]->BorderOn();
     slice_mappers_[axis]->SetInputData(voxels_.image());
