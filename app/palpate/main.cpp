@@ -74,5 +74,7 @@ int main(int argc, char** argv) {
   } else if (parser.isSet(QStringLiteral("sample"))) {
     window.open_sample();
   }
-  return QApplication::exec();
+  const int code = QApplication::exec();
+  QGuiApplication::sync();  // the window is gone from the screen before threads are waited for
+  return code;
 }

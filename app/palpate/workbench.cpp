@@ -46,7 +46,8 @@ Workbench::Workbench(QObject* parent) : QObject(parent) {
 
 Workbench::~Workbench() {
   jobs_.cancel_all();
-  driver_.reset();
+  stop_driver();
+  retired_.clear();  // waits for them: they speak to this object
 }
 
 QString Workbench::input_name() const {
@@ -249,7 +250,8 @@ void Workbench::save_picture(const QString& path, const visualization::ViewSetti
       [this, path, settings, request,
        scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
         progress.report(0.05, "drawing");
-        const core::Picture picture = visualization::draw_picture(scene, settings, request);
+        const core::Picture picture =
+            visualization::draw_picture(scene, settings, request, progress.cancel());
         progress.report(0.7, "writing");
         visualization::save_png(native(path), picture);
         return [this, path] { emit pictureSaved(path); };
@@ -261,8 +263,9 @@ void Workbench::preview_picture(const visualization::ViewSettings& settings,
                                 const visualization::PictureRequest& request) {
   jobs_.start(
       JobLane::preview, QString(),
-      [this, settings, request, scene = content()](const core::Progress&) -> JobTracker::Delivery {
-        auto picture = std::make_shared<core::Picture>(visualization::draw_picture(scene, settings, request));
+      [this, settings, request, scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
+        auto picture = std::make_shared<core::Picture>(
+            visualization::draw_picture(scene, settings, request, progress.cancel()));
         return [this, picture] { emit previewDrawn(*picture); };
       },
       [this](const core::Error& error) { emit previewFailed(QString::fromUtf8(error.what())); });

@@ -13,6 +13,7 @@
 #include <QStringList>
 #include <QTimer>
 
+#include <future>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -133,6 +134,7 @@ class Workbench : public QObject {
   void run_estimate();
   void start_driver();
   void stop_driver();
+  void retire_driver();
   void take_frame();
   void on_event(quint64 epoch, const session::DriverEvent& event);
   void fail(const core::Error& error);
@@ -147,7 +149,8 @@ class Workbench : public QObject {
   std::optional<session::Frame> frame_;
   QString device_;
   double grab_radius_mm_ = 6.0;
-  interaction::SelectionKind grab_kind_ = interaction::SelectionKind::fuzzy;
+  /// Held firmly, the tissue stays with the hand; a soft grab lets it slip out behind.
+  interaction::SelectionKind grab_kind_ = interaction::SelectionKind::connected;
   bool ready_ = false;
 
   QTimer estimate_delay_;
@@ -155,7 +158,8 @@ class Workbench : public QObject {
   QElapsedTimer since_frame_;
   quint64 driver_epoch_ = 0;
   std::unique_ptr<session::SimulationDriver> driver_;
-  JobTracker jobs_;  // last: its worker ends before what it delivers to
+  std::vector<std::future<void>> retired_;  ///< drivers that end in threads of their own
+  JobTracker jobs_;                         // last: its worker ends before what it delivers to
 };
 
 }  // namespace palpate::gui

@@ -1,7 +1,11 @@
 // The half of the workbench that speaks with the simulation's thread.
+#include "text.hpp"
 #include "workbench.hpp"
 
 #include "palpate/compute/device.hpp"
+
+#include <algorithm>
+#include <chrono>
 
 namespace palpate::gui {
 namespace {
@@ -45,9 +49,22 @@ void Workbench::start_driver() {
 void Workbench::stop_driver() {
   ++driver_epoch_;
   frame_delay_.stop();
-  driver_.reset();
+  retire_driver();
   ready_ = false;
   frame_.reset();
+}
+
+// A driver that builds its kernels, or takes a slow step, ends only after that;
+// the window does not wait for it.
+void Workbench::retire_driver() {
+  retired_.erase(std::remove_if(retired_.begin(), retired_.end(),
+                                [](const std::future<void>& one) {
+                                  return one.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+                                }),
+                 retired_.end());
+  if (!driver_) return;
+  std::shared_ptr<session::SimulationDriver> ending = std::move(driver_);
+  retired_.push_back(std::async(std::launch::async, [last = std::move(ending)]() mutable { last.reset(); }));
 }
 
 void Workbench::take_frame() {
@@ -102,18 +119,19 @@ void Workbench::set_device(const QString& selector) {
 
 // Asking the drivers may take a second; the window does not wait for it.
 void Workbench::find_devices() {
-  jobs_.start(JobLane::devices, QString(),
-              [this](const core::Progress&) -> JobTracker::Delivery {
-                QVector<DeviceChoice> devices;
-                devices.append({QString(), tr("Automatic")});
-                for (const auto& device : compute::list_devices()) {
-                  if (!device.usable) continue;
-                  devices.append({QString::number(device.index), QString::fromStdString(device.name)});
-                }
-                devices.append({QStringLiteral("reference"), tr("CPU reference (slow, exact)")});
-                return [this, devices] { emit devicesFound(devices); };
-              },
-              {});
+  jobs_.start(
+      JobLane::devices, QString(),
+      [this](const core::Progress&) -> JobTracker::Delivery {
+        QVector<DeviceChoice> devices;
+        devices.append({QString(), tr("Automatic")});
+        for (const auto& device : compute::list_devices()) {
+          if (!device.usable) continue;
+          devices.append({QString::number(device.index), short_device(QString::fromStdString(device.name))});
+        }
+        devices.append({QStringLiteral("reference"), tr("CPU reference (slow, exact)")});
+        return [this, devices] { emit devicesFound(devices); };
+      },
+      {});
 }
 
 void Workbench::play() {

@@ -60,7 +60,7 @@ void SimulatePanel::take_settings() {
 
 void SimulatePanel::take_grab() {
   using interaction::SelectionKind;
-  constexpr SelectionKind kinds[] = {SelectionKind::fuzzy, SelectionKind::sphere, SelectionKind::connected};
+  constexpr SelectionKind kinds[] = {SelectionKind::connected, SelectionKind::sphere, SelectionKind::fuzzy};
   workbench_.set_grab(ui_->radiusSpin->value(), kinds[ui_->grabKindCombo->currentIndex()]);
 }
 

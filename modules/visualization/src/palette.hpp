@@ -19,7 +19,7 @@ inline constexpr Rgba text_color{230, 232, 235, 255};
 inline constexpr Rgba quiet_text_color{178, 186, 195, 255};
 inline constexpr Rgba accent_color{47, 179, 166, 255};
 inline constexpr Rgba held_color{232, 64, 52, 255};
-inline constexpr Rgba grab_color{255, 196, 92, 255};
+inline constexpr Rgba grab_color{232, 240, 246, 255};
 inline constexpr Rgba gap_color{12, 14, 16, 255};
 
 constexpr Rgba with_alpha(Rgba color, std::uint8_t alpha) { return {color.r, color.g, color.b, alpha}; }

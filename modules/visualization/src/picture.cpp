@@ -114,9 +114,10 @@ void put(core::Picture& picture, const std::vector<std::uint8_t>& rgba, int widt
 
 template <typename Scene>
 void draw_pane(OffscreenCanvas& canvas, Scene& scene, const Place& place, bool keep_alpha,
-               core::Picture& picture) {
+               const core::CancelToken& cancel, core::Picture& picture) {
   for (int y = 0; y < place.height; y += tile_px) {
     for (int x = 0; x < place.width; x += tile_px) {
+      cancel.check();
       Tile tile;
       tile.width = std::min(tile_px, place.width - x);
       tile.height = std::min(tile_px, place.height - y);
@@ -163,15 +164,16 @@ PictureView picture_view_from(const std::string& word) {
 }
 
 core::Picture draw_picture(const SceneContent& content, const ViewSettings& settings,
-                           const PictureRequest& request) {
+                           const PictureRequest& request, const core::CancelToken& cancel) {
   check(request);
+  cancel.check();
   core::Picture picture = blank(request, settings.transparent);
   on_own_thread([&] {
     OffscreenCanvas canvas;
     for (const Place& place : layout_of(request)) {
       const bool keep_alpha = settings.transparent && place.pane == Pane::three_d;
       with_scene(place, content, settings,
-                 [&](auto& scene) { draw_pane(canvas, scene, place, keep_alpha, picture); });
+                 [&](auto& scene) { draw_pane(canvas, scene, place, keep_alpha, cancel, picture); });
     }
   });
   return picture;
