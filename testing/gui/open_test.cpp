@@ -1,19 +1,24 @@
 #include "panels/side_panel.hpp"
 #include "window_fixture.hpp"
 
+#include "palpate/imaging/phantom.hpp"
 #include "palpate/imaging/writer.hpp"
 
 #include <QAbstractSlider>
 #include <QAbstractSpinBox>
 #include <QComboBox>
 #include <QDialog>
+#include <QDoubleSpinBox>
 #include <QFile>
 #include <QLabel>
 #include <QListWidget>
 #include <QMimeData>
 #include <QPushButton>
+#include <QSpinBox>
 #include <QStackedWidget>
 #include <QToolButton>
+
+#include <algorithm>
 
 namespace palpate::testing {
 namespace {
@@ -155,6 +160,33 @@ TEST_F(Opening, AFolderOfSeveralSeriesAsksWhich) {
   click("openButton");
   ASSERT_TRUE(wait_for([this] { return workbench().has_volume(); }));
   EXPECT_EQ(workbench().volume().dims(), (std::array<int, 3>{6, 6, 5}));
+}
+
+TEST_F(Opening, AnotherFrameAndAStatedSpacingAreReadAgain) {
+  imaging::PhantomParameters parameters;
+  parameters.size = 32;
+  parameters.frames = 2;
+  const auto frames = imaging::make_phantom(parameters).frames;
+  const auto file = folder() / "beating.mha";
+  imaging::write(file, frames, 0.4, {"uint8", true});
+  window().open(QString::fromStdString(file.string()));
+  ASSERT_TRUE(wait_for([this] { return workbench().has_volume(); }));
+  const auto same_as = [this](const core::Volume& other) {
+    const auto& now = workbench().volume();
+    return now.size() == other.size() && std::equal(now.data(), now.data() + now.size(), other.data());
+  };
+  ASSERT_FALSE(frames.empty());
+  EXPECT_TRUE(same_as(frames.front()));
+  find<QSpinBox>("frameSpin").setValue(2);
+  find<QDoubleSpinBox>("spacingX").setValue(1.25);
+  const double depth_mm = find<QDoubleSpinBox>("spacingZ").value();
+  find<QPushButton>("rereadButton").click();  // it lies under More
+  ASSERT_TRUE(wait_for([this] { return workbench().info().geometry.spacing_mm().x() == 1.25; }));
+  EXPECT_EQ(workbench().recipe().input.frame, 1);
+  EXPECT_TRUE(same_as(frames.back()));
+  // The panel shows three decimals; half of the last is what may be lost.
+  EXPECT_NEAR(workbench().info().geometry.spacing_mm().z(), depth_mm, 0.0005);
+  EXPECT_EQ(workbench().info().spacing_provenance[0], core::Provenance::user);
 }
 
 }  // namespace

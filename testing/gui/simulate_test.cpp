@@ -6,7 +6,12 @@
 #include <QCheckBox>
 #include <QDoubleSpinBox>
 #include <QLabel>
+#include <QMenu>
+#include <QPlainTextEdit>
 #include <QPushButton>
+
+#include <cstdlib>
+#include <fstream>
 
 namespace palpate::testing {
 namespace {
@@ -118,6 +123,57 @@ TEST_F(Simulating, PointsAndLinksAreShownToo) {
     EXPECT_EQ(window().view_state().settings().show, show) << name;
     EXPECT_TRUE(find<QAbstractButton>(name).isChecked());
   }
+}
+
+TEST_F(Simulating, TheGaugeOffersTheAutomaticStep) {
+  find<QCheckBox>("stepAuto").setChecked(false);
+  find<QDoubleSpinBox>("stepSpin").setValue(workbench().last_frame()->stable_step_s * 1000.0 * 1.2);
+  auto& gauge = find<gui::StepGauge>("stepGauge");
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::too_large; }));
+  // The menu has an event loop of its own; this runs inside it.
+  bool offered = false;
+  QTimer::singleShot(0, &window(), [&] {
+    auto* menu = window().findChild<QMenu*>("stepMenu");
+    if (menu == nullptr) return;
+    auto* automatic = menu->findChild<QAction*>("automaticStep");
+    offered = automatic != nullptr && automatic->isEnabled();
+    if (offered) menu->setActiveAction(automatic);
+    QTest::keyClick(menu, offered ? Qt::Key_Return : Qt::Key_Escape);
+  });
+  gauge.click();
+  EXPECT_TRUE(offered);
+  EXPECT_FALSE(workbench().recipe().simulation.step_s.has_value());
+  ASSERT_TRUE(wait_for([&] { return gauge.state() == gui::StepGauge::State::stable; }));
+}
+
+class BrokenKernels : public WindowTest {
+ protected:
+  BrokenKernels() {
+    std::ofstream(kernels_ / "explicit_rk4.cl") << "kernel void stage(global float* x) { x[0] = nowhere; }\n";
+    setenv("PALPATE_KERNEL_DIR", kernels_.path().c_str(), 1);
+  }
+  ~BrokenKernels() override {
+    close_window();
+    unsetenv("PALPATE_KERNEL_DIR");
+  }
+
+ private:
+  TemporaryFolder kernels_;
+};
+
+TEST_F(BrokenKernels, ShowTheirLogAndTheReferenceIsOffered) {
+  make_window();
+  open_sample();
+  workbench().build_tissue();
+  ASSERT_TRUE(wait_for([this] { return find<QFrame>("messageBar").isVisible(); }));
+  auto& details = find<QPlainTextEdit>("messageDetails");
+  EXPECT_FALSE(details.isVisible());
+  click("messageDetailsButton");
+  EXPECT_TRUE(details.isVisible());
+  EXPECT_TRUE(details.toPlainText().contains("nowhere")) << details.toPlainText().toStdString();
+  click("messageOffer");
+  ASSERT_TRUE(
+      wait_for([this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }));
 }
 
 }  // namespace
