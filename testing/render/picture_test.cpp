@@ -76,6 +76,21 @@ int title_height(const core::Picture& picture) {
 
 }  // namespace
 
+TEST(Picture, StopsWhenItIsCancelled) {
+  const SceneContent scene = content();
+  const core::CancelToken cancel;
+  const PictureRequest request{8192, 8192, PictureView::four_up};
+  std::thread other([&] { cancel.cancel(); });
+  try {
+    // 16 tiles of seconds in all: the other thread is done within the first ones.
+    draw_picture(scene, standard_settings(scene.volume), request, cancel);
+    ADD_FAILURE() << "it was drawn to the end";
+  } catch (const core::Error& error) {
+    EXPECT_EQ(error.kind(), core::ErrorKind::cancelled);
+  }
+  other.join();
+}
+
 TEST(Picture, HasTheAskedSizeAndIsNotBlank) {
   const SceneContent scene = content();
   const ViewSettings settings = standard_settings(scene.volume);
