@@ -1,7 +1,6 @@
 #include "palpate/imaging/writer.hpp"
 
-#include "atomic_output.hpp"
-
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 
 #include <itkMacro.h>
@@ -24,6 +23,8 @@ namespace palpate::imaging {
 namespace {
 
 namespace fs = std::filesystem;
+using core::AtomicOutput;
+using core::output_error;
 
 constexpr std::array<const char*, 5> endings{".mha", ".mhd", ".nrrd", ".nii.gz", ".nii"};
 

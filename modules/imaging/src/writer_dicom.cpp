@@ -1,5 +1,4 @@
-#include "atomic_output.hpp"
-
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 #include "palpate/imaging/writer.hpp"
 
@@ -32,6 +31,8 @@ namespace palpate::imaging {
 namespace {
 
 namespace fs = std::filesystem;
+using core::AtomicOutput;
+using core::output_error;
 
 constexpr const char* mr_image_class = "1.2.840.10008.5.1.4.1.1.4";
 

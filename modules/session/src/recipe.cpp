@@ -3,6 +3,7 @@
 #include "checksum.hpp"
 #include "json_reader.hpp"
 
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 
 #include <nlohmann/json.hpp>
@@ -282,7 +283,7 @@ void save_recipe(const fs::path& path, const Recipe& recipe) {
   Recipe written = recipe;
   written.input.path = beside(recipe.input.path);
   if (recipe.surface.mesh) written.surface.mesh = beside(*recipe.surface.mesh);
-  write_text_file(path, to_json(written));
+  core::write_file(path, to_json(written));
 }
 
 std::string recipe_sha256(const Recipe& recipe) {

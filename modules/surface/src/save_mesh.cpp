@@ -1,6 +1,7 @@
 #include "mesh_source.hpp"
 #include "vtk_support.hpp"
 
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 #include "palpate/surface/extract.hpp"
 
@@ -16,46 +17,15 @@
 #include <vtkStringArray.h>
 #include <vtkXMLPolyDataWriter.h>
 
-#include <atomic>
-#include <cerrno>
 #include <charconv>
 #include <cstring>
-#include <fcntl.h>
-#include <unistd.h>
 
 namespace palpate::surface {
 namespace {
 
 using core::Error;
 using core::ErrorKind;
-
-/// Beside the target and then renamed over it, so that nothing half-written is left.
-void write_file(const std::filesystem::path& path, const std::string& bytes) {
-  static std::atomic<unsigned> serial{0};
-  std::filesystem::path beside = path;
-  beside += ".part" + std::to_string(getpid()) + "-" + std::to_string(serial++);
-  int descriptor = -1;
-  const auto fail = [&](int number) {
-    if (descriptor >= 0) close(descriptor);
-    std::error_code ignored;
-    std::filesystem::remove(beside, ignored);
-    throw Error(ErrorKind::output, "unwritable",
-                path.string() + " cannot be written: " + std::generic_category().message(number) +
-                    ". Choose a folder that exists, may be written and has room.");
-  };
-  descriptor = open(beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (descriptor < 0) fail(errno);
-  for (std::size_t done = 0; done < bytes.size();) {
-    const ssize_t count = write(descriptor, bytes.data() + done, bytes.size() - done);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) fail(errno);
-    done += static_cast<std::size_t>(count);
-  }
-  const int to_close = descriptor;
-  descriptor = -1;
-  if (close(to_close) != 0) fail(errno);
-  if (std::rename(beside.c_str(), path.c_str()) != 0) fail(errno);
-}
+using core::write_file;
 
 template <typename T>
 void append_binary(std::string& out, const T& value) {
@@ -157,7 +127,7 @@ std::string vtp_of(vtkPolyData* data, const std::filesystem::path& path) {
   writer->WriteToOutputStringOn();
   writer->Write();
   if (errors.failed() || writer->GetErrorCode() != 0)
-    throw Error(ErrorKind::output, "unwritable", path.string() + " cannot be written.", errors.text());
+    throw Error(ErrorKind::output, "write-failed", path.string() + " cannot be written.", errors.text());
   return writer->GetOutputString();
 }
 

@@ -1,5 +1,6 @@
 #include "checksum.hpp"
 
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 #include "palpate/session/recipe.hpp"
 #include "palpate/testing/support.hpp"
@@ -9,9 +10,9 @@
 #include <filesystem>
 #include <string>
 
+using palpate::core::write_file;
 using palpate::session::file_sha256;
 using palpate::session::sha256_of;
-using palpate::session::write_text_file;
 using palpate::testing::TemporaryFolder;
 
 // The vectors of FIPS 180-2, appendix B.
@@ -26,25 +27,25 @@ TEST(Checksum, KnownVectors) {
 
 TEST(Checksum, AFileIsItsBytes) {
   const TemporaryFolder folder;
-  write_text_file(folder / "million", std::string(1000000, 'a'));
+  write_file(folder / "million", std::string(1000000, 'a'));
   EXPECT_EQ(file_sha256(folder / "million"),
             "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
 }
 
 TEST(Checksum, AFolderIsItsNamesAndContentsWhateverTheOrder) {
   const TemporaryFolder one;
-  write_text_file(one / "a", "first");
-  write_text_file(one / "b", "second");
+  write_file(one / "a", "first");
+  write_file(one / "b", "second");
   const TemporaryFolder two;
-  write_text_file(two / "b", "second");
-  write_text_file(two / "a", "first");
+  write_file(two / "b", "second");
+  write_file(two / "a", "first");
   EXPECT_EQ(file_sha256(one.path()), file_sha256(two.path()));
 
   const auto before = file_sha256(two.path());
   std::filesystem::rename(two / "b", two / "c");
   EXPECT_NE(file_sha256(two.path()), before) << "a name counts";
   std::filesystem::rename(two / "c", two / "b");
-  write_text_file(two / "b", "Second");
+  write_file(two / "b", "Second");
   EXPECT_NE(file_sha256(two.path()), before) << "a byte counts";
 }
 

@@ -1,5 +1,6 @@
 #include "palpate/session/recipe.hpp"
 
+#include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 #include "palpate/testing/support.hpp"
 
@@ -154,9 +155,10 @@ TEST(Recipe, RefusalsNameThePlace) {
 TEST(Recipe, PathsAreBesideTheFile) {
   const TemporaryFolder folder;
   fs::create_directories(folder / "cases/one");
-  session::write_text_file(folder / "cases/one/recipe.json",
-                           "{\"version\": 1, \"input\": {\"path\": \"../scan.mha\"}, \"surface\": {\"mesh\": "
-                           "\"/elsewhere/heart.stl\"}}");
+  palpate::core::write_file(
+      folder / "cases/one/recipe.json",
+      "{\"version\": 1, \"input\": {\"path\": \"../scan.mha\"}, \"surface\": {\"mesh\": "
+      "\"/elsewhere/heart.stl\"}}");
   const auto read = session::load_recipe(folder / "cases/one/recipe.json");
   EXPECT_EQ(read.input.path, folder / "cases/scan.mha");
   EXPECT_EQ(*read.surface.mesh, fs::path("/elsewhere/heart.stl"));
@@ -174,7 +176,7 @@ TEST(Recipe, ARelativePathStillLeadsToTheScanAfterSavingElsewhere) {
 
 TEST(Recipe, LoadingNamesTheFileAndThePlace) {
   const TemporaryFolder folder;
-  session::write_text_file(folder / "bad.json", "{\"version\": 1, \"tissue\": {\"stride\": 0}}");
+  palpate::core::write_file(folder / "bad.json", "{\"version\": 1, \"tissue\": {\"stride\": 0}}");
   const auto error = usage_error_of([&] { session::load_recipe(folder / "bad.json"); });
   EXPECT_THAT(error, HasSubstr((folder / "bad.json").string() + ": tissue.stride"));
   for (const fs::path& path : {folder / "none.json", folder.path()}) {
@@ -208,8 +210,8 @@ TEST(Recipe, TheChecksumIsOfTheParametersAndNotOfThePath) {
 
 TEST(WriteTextFile, ReplacesAWholeFileAndLeavesNothingBesideIt) {
   const TemporaryFolder folder;
-  session::write_text_file(folder / "a.json", "old and longer");
-  session::write_text_file(folder / "a.json", "new");
+  palpate::core::write_file(folder / "a.json", "old and longer");
+  palpate::core::write_file(folder / "a.json", "new");
   EXPECT_EQ(fs::file_size(folder / "a.json"), 3U);
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
 }
@@ -219,7 +221,7 @@ TEST(WriteTextFile, FailuresAreOutputErrorsAndLeaveNothing) {
   fs::create_directories(folder / "taken/inside");
   for (const fs::path& path : {folder / "none/a.json", folder / "taken"}) {
     try {
-      session::write_text_file(path, "text");
+      palpate::core::write_file(path, "text");
       ADD_FAILURE() << "written: " << path;
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::output);

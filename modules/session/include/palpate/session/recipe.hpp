@@ -53,7 +53,5 @@ void save_recipe(const std::filesystem::path& path, const Recipe& recipe);
 std::string recipe_sha256(const Recipe& recipe);
 /// SHA-256 of a file, or of a folder's sorted names and contents.
 std::string file_sha256(const std::filesystem::path& path, const core::Progress& progress = {});
-/// Writes beside the target and renames; Error(output).
-void write_text_file(const std::filesystem::path& path, const std::string& text);
 
 }  // namespace palpate::session

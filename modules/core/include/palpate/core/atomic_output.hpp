@@ -2,14 +2,14 @@
 
 #include "palpate/core/error.hpp"
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 
-namespace palpate::imaging {
+namespace palpate::core {
 
 /// Error(output): `path` could not be written, and why.
-core::Error output_error(const std::filesystem::path& path, const std::string& code,
-                         const std::string& reason);
+Error output_error(const std::filesystem::path& path, const std::string& code, const std::string& reason);
 
 /// A hidden folder beside the target, where output is made under its final
 /// names (a .mhd names its data file) and from where it is renamed into
@@ -36,4 +36,10 @@ class AtomicOutput {
   std::filesystem::path staging_;
 };
 
-}  // namespace palpate::imaging
+/// Writes a file whole or not at all: what stood there stays until the new
+/// bytes lie on the disk. A device or a pipe is written as it is, since a
+/// rename would put a file in its place. Throws Error(output).
+void write_file(const std::filesystem::path& path, const void* bytes, std::size_t count);
+void write_file(const std::filesystem::path& path, const std::string& bytes);
+
+}  // namespace palpate::core
