@@ -28,24 +28,20 @@ void smooth(double& value, double measured) {
   value = value > 0.0 ? (1.0 - newest) * value + newest * measured : measured;
 }
 
-void stop_if(const std::atomic<bool>& stop) {
-  if (stop.load()) core::throw_cancelled();
-}
-
 }  // namespace
 
-DriverLoop::DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const std::atomic<bool>& stop)
+DriverLoop::DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const core::CancelToken& stop)
     : setup_(setup), publish_(std::move(publish)), tell_(std::move(tell)), history_(history_bytes) {
   const auto& tissue = setup_.tissue.tissue;
   bound_ = setup_.tissue.stable_step;
   adjacency_ = model::adjacency_of(tissue->links, tissue->points.size());
-  stop_if(stop);
+  stop.check();
   on_ = open_solver(setup_.device, tissue, setup_.settings.parameters);
-  stop_if(stop);
+  stop.check();
   follower_.emplace(on_, setup_.surface, tissue->points.center_mm);
-  stop_if(stop);
+  stop.check();
   grab_.emplace(*on_.solver, *tissue, adjacency_);
-  guard_.emplace(*on_.solver, simulation::automatic_step_s(bound_));
+  guard_.emplace(*on_.solver, simulation::automatic_step_s(bound_), simulation::Guard::usual_halvings, stop);
   use_step();
 }
 

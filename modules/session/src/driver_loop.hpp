@@ -6,7 +6,6 @@
 
 #include "palpate/session/simulation_driver.hpp"
 
-#include <atomic>
 #include <chrono>
 #include <functional>
 #include <optional>
@@ -54,8 +53,8 @@ class DriverLoop {
   using Tell = std::function<void(const DriverEvent&)>;
 
   /// Opens the device and builds the kernels; stops between the parts with
-  /// Error(cancelled) once `stop` is set.
-  DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const std::atomic<bool>& stop);
+  /// Error(cancelled) once `stop` was asked, as each advance does.
+  DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const core::CancelToken& stop);
 
   void apply(const Command& command);
   /// Called while playing: takes the steps that are due at `now`, a batch at

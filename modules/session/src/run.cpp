@@ -67,7 +67,8 @@ class GesturePlayer {
  private:
   void begin(std::size_t index) {
     const auto& step = gesture_.steps[index];
-    grabbing_ = grab_.begin(step.path.front().ray, interaction::reach_of(step), step.radius_mm, step.selection);
+    grabbing_ =
+        grab_.begin(step.path.front().ray, interaction::reach_of(step), step.radius_mm, step.selection);
     if (!grabbing_)
       warnings_.push_back({"gesture-missed", "steps[" + std::to_string(index) +
                                                  "] of the gesture met no tissue and did nothing."});
@@ -152,7 +153,7 @@ RunResult run(const BuiltTissue& tissue, const BoundSurface& surface, const Simu
   progress.report(0.0, "Preparing the device");
   SolverOnDevice on = open_solver(request.device, tissue.tissue, settings.parameters);
   simulation::Solver& solver = *on.solver;
-  simulation::Guard guard(solver, plan.step_s);
+  simulation::Guard guard(solver, plan.step_s, simulation::Guard::usual_halvings, progress.cancel());
   std::optional<GesturePlayer> player;
   if (request.gesture) player.emplace(*request.gesture, solver, *tissue.tissue);
 

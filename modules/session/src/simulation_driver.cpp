@@ -4,7 +4,6 @@
 
 #include "palpate/core/error.hpp"
 
-#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -25,7 +24,7 @@ struct SimulationDriver::Impl {
   ~Impl() {
     {
       const std::lock_guard<std::mutex> lock(mutex);
-      stop = true;
+      stop.cancel();
     }
     wake.notify_one();
     thread.join();
@@ -90,16 +89,16 @@ struct SimulationDriver::Impl {
       std::deque<Command> taken;
       {
         std::unique_lock<std::mutex> lock(mutex);
-        const auto called = [this] { return stop.load() || !commands.empty(); };
+        const auto called = [this] { return stop.cancelled() || !commands.empty(); };
         if (loop.playing())
           wake.wait_until(lock, next, called);
         else
           wake.wait(lock, called);
-        if (stop) return;
+        if (stop.cancelled()) return;
         taken.swap(commands);
       }
       for (const auto& command : taken) {
-        if (stop) return;
+        if (stop.cancelled()) return;
         apply(loop, command);
       }
       next = loop.advance(DriverLoop::Clock::now());
@@ -124,7 +123,7 @@ struct SimulationDriver::Impl {
   std::mutex mutex;
   std::condition_variable wake;
   std::deque<Command> commands;
-  std::atomic<bool> stop{false};
+  const core::CancelToken stop;
   bool ended = false;
   std::thread thread;  // last: it uses all of the above
 };

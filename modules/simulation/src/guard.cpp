@@ -1,8 +1,10 @@
 #include "palpate/simulation/guard.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <sstream>
+#include <utility>
 
 namespace palpate::simulation {
 
@@ -12,12 +14,17 @@ constexpr double calm_links_per_step = 0.5;
 /// A blow-up that has begun to move visibly is lost well within this many
 /// steps; what is still there after them is fast, not broken.
 constexpr std::int64_t lasting_steps = 100;
+/// A step that is too long loses the state at another time once it is halved;
+/// what is lost at the same time this often is thrown out by what acts on it.
+constexpr int same_times = 4;
+constexpr double same_within = 0.1;
 }  // namespace
 
-Guard::Guard(Solver& solver, double step_s, int max_halvings)
+Guard::Guard(Solver& solver, double step_s, int max_halvings, core::CancelToken cancel)
     : solver_(solver),
       step_s_(step_s),
       max_halvings_(max_halvings),
+      cancel_(std::move(cancel)),
       // A single point has no extent; a millimetre then stands for it.
       lost_beyond_mm_(lost_beyond_extents * std::max(solver.extent_mm(), 1.0)),
       time_s_(solver.time_s()) {
@@ -51,14 +58,15 @@ void Guard::save() {
   steps_since_snapshot_ = 0;
 }
 
-bool Guard::run(std::int64_t steps, int look) {
-  while (steps > 0) {
-    const int count = static_cast<int>(std::min<std::int64_t>(steps, look));
+std::optional<double> Guard::lost_after_s(std::int64_t steps, int look) {
+  for (std::int64_t done = 0; done < steps;) {
+    cancel_.check();
+    const int count = static_cast<int>(std::min<std::int64_t>(steps - done, look));
     solver_.step(count, step_s_);
-    if (is_lost(solver_.health())) return false;
-    steps -= count;
+    done += count;
+    if (is_lost(solver_.health())) return static_cast<double>(done) * step_s_;
   }
-  return true;
+  return std::nullopt;
 }
 
 GuardReport Guard::pause(const std::string& message) {
@@ -91,21 +99,25 @@ GuardReport Guard::advance(int count) {
   const double first_step_s = step_s_;
   const std::int64_t span = steps_since_snapshot_ + count;  // in first steps, from the snapshot
   std::int64_t halves = 1;
-  bool good = run(count, count);
-  for (int halving = 0; !good && halving < max_halvings_; ++halving) {
+  auto lost_s = lost_after_s(count, count);
+  int same = 0;
+  for (int halving = 0; lost_s && same < same_times && halving < max_halvings_; ++halving) {
     solver_.restore_snapshot();
     step_s_ /= 2.0;
     halves *= 2;
     ++recoveries_;
     report.recovered = true;
     // Looked at after every `count` steps, so that a hopeless step is soon given up.
-    good = run(span * halves, count);
+    const double before_s = *lost_s;
+    lost_s = lost_after_s(span * halves, count);
+    same = lost_s && std::abs(*lost_s - before_s) <= same_within * before_s ? same + 1 : 0;
   }
   std::ostringstream text;
-  if (!good) {
+  if (lost_s) {
     text << "The simulation could not be kept finite, not even with a step of " << step_s_
-         << " s. The last good state is back and the simulation is paused. Reduce the stiffness or the "
-            "damping.";
+         << " s. The last good state is back and the simulation is paused. Reduce "
+         << (same == same_times ? "the gravity or the pull; a smaller step does not help."
+                                : "the stiffness or the damping.");
     step_s_ = first_step_s;
     const bool recovered = report.recovered;
     report = pause(text.str());

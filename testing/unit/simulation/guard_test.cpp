@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace simulation = palpate::simulation;
@@ -25,6 +26,7 @@ class Fragile final : public simulation::Solver {
     healthy = healthy && step_s < good_below_s;
     steps += count;
     time += count * step_s;
+    if (on_step) on_step(steps);
   }
   void hold(const std::vector<simulation::HeldPoint>&) override {}
   void set_grab_velocity(const Eigen::Vector3d&) override {}
@@ -53,6 +55,7 @@ class Fragile final : public simulation::Solver {
   double saved_time = 0.0;
   int steps = 0;
   double time = 0.0;
+  std::function<void(int)> on_step;
 
  private:
   Parameters parameters_;
@@ -102,6 +105,39 @@ TEST(Guard, GivesUpAfterItsHalvingsAndStaysPausedUntilCleared) {
   guard.clear();
   EXPECT_FALSE(guard.diverged());
   EXPECT_EQ(guard.recoveries(), 0);
+}
+
+TEST(Guard, WhatFallsOutOfTheBoxIsGivenUpSoon) {
+  simulation::Parameters parameters;
+  parameters.gravity_mm_per_s2 = {0.0, 0.0, -1e6};
+  parameters.drag_per_s = 0.0;
+  const auto tissue = testing_::cube_tissue(4);
+  const auto solver = simulation::make_reference_solver(tissue, parameters);
+  Guard guard(*solver, simulation::automatic_step_s(simulation::stable_step(*tissue, parameters)));
+  simulation::GuardReport report;
+  for (int batch = 0; batch < 1000 && !report.paused; ++batch) report = guard.advance(16);
+  EXPECT_TRUE(report.paused);
+  // Five sizes in a row were lost at the same time; the first of them is not the first tried.
+  EXPECT_LE(guard.recoveries(), 6);
+  EXPECT_THAT(report.message, ::testing::HasSubstr("gravity"));
+  EXPECT_TRUE(solver->health().finite);
+}
+
+TEST(Guard, DoingATimeAgainCanBeCancelled) {
+  Fragile solver(1e-3);
+  const palpate::core::CancelToken cancel;
+  Guard guard(solver, 1.0, Guard::usual_halvings, cancel);
+  // Ten halvings are needed: 16 steps become 16384.
+  solver.on_step = [&](int steps) {
+    if (steps > 1000) cancel.cancel();
+  };
+  try {
+    guard.advance(16);
+    FAIL() << "it went on to the end";
+  } catch (const palpate::core::Error& error) {
+    EXPECT_EQ(error.kind(), palpate::core::ErrorKind::cancelled);
+  }
+  EXPECT_LE(solver.steps, 1000 + 2 * 16);
 }
 
 TEST(Guard, AThousandTimesItsSizeAwayIsLost) {

@@ -1,8 +1,10 @@
 #pragma once
 
+#include "palpate/core/progress.hpp"
 #include "palpate/simulation/solver.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace palpate::simulation {
@@ -18,8 +20,9 @@ struct GuardReport {
 /// Watches a solver: snapshots of calm states before a batch, the health after
 /// it. A non-finite state, or one that left a box of 1000 times the tissue's
 /// size, restores the snapshot, halves the step, counts a recovery and does
-/// the time since the snapshot again; after `max_halvings` without success it
-/// gives up and leaves the last good state. A run that blows up is finite for
+/// the time since the snapshot again; after `max_halvings` without success, or
+/// once halving no longer changes when the state is lost, it gives up and
+/// leaves the last good state. A run that blows up is finite for
 /// a while, so a state in which a point passes more than half a link's length
 /// in a step is not kept until it has lasted: the last good state is one that
 /// people would call good. A state that is already lost when a batch begins
@@ -27,7 +30,10 @@ struct GuardReport {
 /// run at once.
 class Guard {
  public:
-  Guard(Solver& solver, double step_s, int max_halvings = 12);
+  static constexpr int usual_halvings = 12;
+  /// Doing a time again may take thousands of steps: `cancel` stops between
+  /// looks, with Error(cancelled).
+  Guard(Solver& solver, double step_s, int max_halvings = usual_halvings, core::CancelToken cancel = {});
   /// Advances by `count` steps of the present step or, after a recovery, by
   /// as many halved steps as cover the same time. Does nothing while paused.
   GuardReport advance(int count);
@@ -41,14 +47,16 @@ class Guard {
  private:
   bool is_lost(const Health& health) const;
   bool is_calm(const Health& health) const;
-  /// Steps in looks of at most `look` steps; false as soon as the run is lost.
-  bool run(std::int64_t steps, int look);
+  /// Steps in looks of at most `look` steps. The time of the look that found
+  /// the run lost; none where it was kept.
+  std::optional<double> lost_after_s(std::int64_t steps, int look);
   void save();
   GuardReport pause(const std::string& message);
 
   Solver& solver_;
   double step_s_;
   int max_halvings_;
+  core::CancelToken cancel_;
   double lost_beyond_mm_;
   bool has_snapshot_ = false;
   bool snapshot_is_stale_ = false;  ///< the step or the state is another one since
