@@ -12,6 +12,7 @@
 #include <set>
 #include <sstream>
 #include <system_error>
+#include <vector>
 
 namespace palpate::interaction {
 namespace {
@@ -208,20 +209,50 @@ std::string line_of(const std::string& text, std::size_t byte) {
   return "line " + std::to_string(std::count(text.begin(), end, '\n') + 1);
 }
 
-/// Refuses what is not JSON, and keys that stand twice (the parser would take the last).
-Json parsed(const std::string& text) {
-  std::vector<std::set<std::string>> keys;
-  const auto watch = [&keys](int, Json::parse_event_t event, Json& value) {
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end) keys.pop_back();
-    if (event == Json::parse_event_t::key && !keys.back().insert(value.get<std::string>()).second)
-      refuse(value.get<std::string>(), "stands twice in one object.");
+/// Looks for keys that stand twice (the parser would take the last). Not the
+/// parser's own callback: that looks through all elders of each value, which
+/// takes hours for a long list.
+class KeyWatch final : public nlohmann::json_sax<Json> {
+ public:
+  bool null() override { return true; }
+  bool boolean(bool) override { return true; }
+  bool number_integer(number_integer_t) override { return true; }
+  bool number_unsigned(number_unsigned_t) override { return true; }
+  bool number_float(number_float_t, const string_t&) override { return true; }
+  bool string(string_t&) override { return true; }
+  bool binary(binary_t&) override { return true; }
+  bool start_array(std::size_t) override { return true; }
+  bool end_array() override { return true; }
+  bool start_object(std::size_t) override {
+    keys_.emplace_back();
     return true;
-  };
+  }
+  bool end_object() override {
+    keys_.pop_back();
+    return true;
+  }
+  bool key(string_t& name) override {
+    if (!keys_.back().insert(name).second) refuse(name, "stands twice in one object.");
+    return true;
+  }
+  /// The parser tells what is wrong.
+  bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception&) override {
+    return false;
+  }
+
+ private:
+  std::vector<std::set<std::string>> keys_;
+};
+
+/// Refuses what is not JSON.
+Json parsed(const std::string& text) {
   try {
-    return Json::parse(text, watch);
+    Json json = Json::parse(text);
+    KeyWatch watch;
+    Json::sax_parse(text, &watch);
+    return json;
   } catch (const Json::parse_error& error) {
-    refuse(line_of(text, error.byte), std::string("is not JSON (") + error.what() + ").");
+    refuse(line_of(text, error.byte), "is not valid JSON from there on.");
   } catch (const Json::exception& error) {
     // A number too large for a double; the parser names it between quotes.
     const std::string reason = error.what();
@@ -229,7 +260,7 @@ Json parsed(const std::string& text) {
     const std::size_t close = reason.rfind('\'');
     const std::string token = open < close ? reason.substr(open + 1, close - open - 1) : std::string();
     refuse(line_of(text, token.empty() ? 0 : text.find(token)),
-           "holds a number that is not finite (" + reason + ").");
+           "holds a number that is too large" + (token.empty() ? "." : " (" + token.substr(0, 40) + ")."));
   }
 }
 

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <fstream>
 
@@ -184,6 +185,16 @@ TEST(Gesture, IsRefusedWithThePlace) {
     EXPECT_NE(std::string(error.what()).find("Gesture: " + place + ": "), std::string::npos)
         << "expected " << place << " in: " << error.what();
   }
+}
+
+TEST(Gesture, ALongFileIsReadInATimeThatGrowsWithItsLength) {
+  std::string text = R"({"version":1,"steps":[)";
+  for (int n = 0; n < 200000; ++n) text += R"({"tool":"move"},)";
+  text += "{}]}";
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THROW(parse_gesture(text), Error);
+  // A quarter of a second as it should be; half a minute where each object looks at all before it.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(8));
 }
 
 TEST(Gesture, SaysWhatComesWithALaterVersion) {
