@@ -17,6 +17,7 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <sstream>
 #include <utility>
 
 namespace palpate::imaging {
@@ -125,6 +126,18 @@ core::Volume median(const core::Volume& volume, int radius_voxels, const core::P
   return export_with(volume.geometry(), output);
 }
 
+/// A width that takes a million passes is a spacing in another unit, not a wish.
+void check_width(double sigma_mm, double sigma_voxels, double spacing_mm) {
+  constexpr double widest_voxels = 100.0;
+  if (sigma_voxels <= widest_voxels) return;
+  std::ostringstream text;
+  text << "A Gaussian of sigma_mm=" << sigma_mm << " would be " << sigma_voxels
+       << " voxels wide in this scan, whose voxels are " << spacing_mm << " mm apart; up to " << widest_voxels
+       << " can be done. Take a sigma_mm of at most " << widest_voxels * spacing_mm
+       << ", or give the spacing if the file's is not in mm.";
+  core::throw_usage(text.str());
+}
+
 /// The discrete Gaussian (the kernel of diffusion on a grid), an axis after
 /// the other. Not ITK's recursive one: that refuses axes under four voxels,
 /// so a 2-D picture, and overshoots at edges. Not DiscreteGaussianImageFilter
@@ -142,6 +155,7 @@ core::Volume gaussian(const core::Volume& volume, double sigma_mm, const core::P
   for (unsigned axis = 0; axis < 3; ++axis) {
     if (volume.dims()[axis] == 1) continue;
     const double sigma_voxels = sigma_mm / volume.geometry().spacing_mm()[axis];
+    check_width(sigma_mm, sigma_voxels, volume.geometry().spacing_mm()[axis]);
     const double variance = sigma_voxels * sigma_voxels;
     const auto count = static_cast<std::size_t>(std::max(1.0, std::ceil(variance / largest_variance_voxels)));
     passes.insert(passes.end(), count, Pass{axis, variance / static_cast<double>(count)});

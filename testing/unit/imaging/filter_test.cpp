@@ -162,6 +162,18 @@ TEST(GaussianFilter, AVeryWideOneStaysFinite) {
   EXPECT_NEAR(second / sum, 36.0, 0.18);
 }
 
+TEST(GaussianFilter, RefusesAWidthThatTakesForEverAndNamesOneThatDoesNot) {
+  // Microns that a header gave as millimetres: the standard sigma is a thousand voxels.
+  const Volume volume(oblique({8, 8, 8}, {0.001, 0.001, 0.001}), scattered(512));
+  try {
+    apply_filters(volume, {parse_filter("gaussian")}, {});
+    FAIL() << "it was done";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::usage);
+    EXPECT_THAT(error.what(), ::testing::HasSubstr("at most 0.1"));
+  }
+}
+
 TEST(GaussianFilter, TakesAPictureOfOneSlice) {
   const Volume volume = scattered_volume({12, 9, 1});
   const Volume filtered = apply_filters(volume, {{"gaussian", {}}});
