@@ -225,10 +225,11 @@ Device open_device(const std::string& selector) {
     throw_no_device("No usable OpenCL device: " + names_of(found) + ". " + found.front().info.name + ": " +
                     found.front().info.reason + ".");
   if (chosen == nullptr)
-    throw_no_device("No OpenCL device is called \"" + wanted + "\". There are " + names_of(found) + ".");
+    throw_no_device("No OpenCL device is called \"" + wanted +
+                    "\". The devices by index: " + names_of(found) + ".");
   if (!chosen->info.usable)
-    throw_no_device(chosen->info.name + " cannot be used: " + chosen->info.reason + ". There are " +
-                    names_of(found) + ".");
+    throw_no_device(chosen->info.name + " cannot be used: " + chosen->info.reason +
+                    ". The devices by index: " + names_of(found) + ".");
 
   auto impl = std::make_shared<Device::Impl>();
   impl->info = chosen->info;

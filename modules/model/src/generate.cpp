@@ -114,8 +114,12 @@ void drop_small_components(Tissue& tissue, std::size_t min_component, const core
 
 void throw_no_tissue(const core::Volume& volume, const IntensityWindow& window) {
   std::ostringstream text;
-  text << "No voxel lies between " << window.low << " and " << window.high
-       << "; the volume's values reach from " << volume.range().min << " to " << volume.range().max
+  text << "No voxel lies ";
+  if (std::isfinite(window.high))
+    text << "between " << window.low << " and " << window.high;
+  else
+    text << "at " << window.low << " or above";
+  text << "; the volume's values reach from " << volume.range().min << " to " << volume.range().max
        << ". Choose a threshold in that range, or a larger crop.";
   throw core::Error(core::ErrorKind::input, "no-tissue", text.str());
 }

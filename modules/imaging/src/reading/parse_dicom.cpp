@@ -40,20 +40,21 @@ void check_alike(const std::vector<DicomHeader>& headers, const std::vector<Slic
   for (const auto& header : headers) {
     if (header.rows != first.rows || header.columns != first.columns)
       fail("no-volume", header.path.parent_path(),
-           "its slices have different sizes (" + header.path.filename().string() + " is " +
+           "has slices of different sizes (" + header.path.filename().string() + " is " +
                std::to_string(header.columns) + " x " + std::to_string(header.rows) +
                "); they are no volume. Open one slice, or choose another series.");
     if (header.spacing_mm[0] && first.spacing_mm[0] &&
         (std::abs(*header.spacing_mm[0] / *first.spacing_mm[0] - 1.0) > 1e-3 ||
          std::abs(*header.spacing_mm[1] / *first.spacing_mm[1] - 1.0) > 1e-3))
       fail("no-volume", header.path.parent_path(),
-           "its slices have pixels of different sizes; they are no volume.");
+           "has slices with pixels of different sizes; they are no volume.");
   }
   for (const auto& slice : slices)
     if (slice.plane.row.dot(slices.front().plane.row) < same_direction ||
         slice.plane.column.dot(slices.front().plane.column) < same_direction)
       fail("no-volume", headers[slice.file].path.parent_path(),
-           "its slices lie in different directions, as those of a localizer do; they are no volume. Open one "
+           "has slices that lie in different directions, as those of a localizer do; they are no volume. "
+           "Open one "
            "slice, or "
            "choose another series.");
 }
@@ -169,7 +170,7 @@ Assembly assemble(const std::vector<DicomHeader>& headers, core::VolumeInfo& inf
     const DicomHeader& header = headers[file];
     if (headers.size() > 1 && (header.frames != 1 || header.planes.size() != 1))
       fail("no-volume", header.path.parent_path(),
-           "its files do not say where each picture lies; they are no volume. Open one of the files.");
+           "does not say where each picture lies; its files are no volume. Open one of the files.");
     for (int frame = 0; frame < header.frames; ++frame) {
       Slice slice;
       slice.file = file;
@@ -327,8 +328,9 @@ Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Contex
       load(headers[file], assembly.slices, file, assembly, first, kept, parsed.voxels.get(), info);
     } catch (const itk::ExceptionObject& error) {
       fail("unsupported", headers[file].path,
-           "its pixels cannot be decoded (SOP class " + headers[file].sop_class + ", transfer syntax " +
-               headers[file].transfer_syntax + "). Export it uncompressed, or as MetaImage or NRRD.",
+           "holds pixels that cannot be decoded (SOP class " + headers[file].sop_class +
+               ", transfer syntax " + headers[file].transfer_syntax +
+               "). Export it uncompressed, or as MetaImage or NRRD.",
            plain_words(error.GetDescription()));
     }
   }

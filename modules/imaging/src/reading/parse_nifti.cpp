@@ -122,9 +122,9 @@ std::filesystem::path voxel_file(const std::filesystem::path& path, const NiftiH
   if (image.extension() == ".hdr") image.replace_extension(".img");
   if (std::filesystem::exists(image)) return image;
   if (std::filesystem::exists(image.string() + ".gz")) return image.string() + ".gz";
-  fail("not-found", path,
-       "its voxels should be in " + image.filename().string() +
-           ", which is missing. Put both into one folder.");
+  fail(
+      "not-found", path,
+      "needs its voxels from " + image.filename().string() + ", which is missing. Put both into one folder.");
 }
 
 double time_unit_s(int units) {

@@ -69,14 +69,12 @@ Parsed parse_file(const std::filesystem::path& path, const Context& context) {
   for (const char* mesh : {".stl", ".ply", ".obj", ".off", ".vtp", ".vtk"})
     if (ending == mesh) fail("unsupported", path, "is a surface, not a scan. Give it as the mesh of a scan.");
   fail("unsupported", path,
-       "is none of the scans that can be read: MetaImage (.mha, .mhd), NRRD, NIfTI or DICOM. Export the scan "
-       "in "
-       "one of these.");
+       "is no scan that can be read. Export the scan as MetaImage (.mha, .mhd), NRRD, NIfTI or DICOM.");
 }
 
 void fail(const std::string& code, const std::filesystem::path& path, const std::string& text,
           const std::string& details) {
-  throw core::Error(core::ErrorKind::input, code, path.string() + ": " + text, details);
+  throw core::Error(core::ErrorKind::input, code, path.string() + " " + text, details);
 }
 
 std::pair<int, int> frames_to_keep(const ReadOptions& options, int frames) {

@@ -54,7 +54,8 @@ struct DicomGlance {
 };
 DicomGlance glance(const std::filesystem::path& path);
 
-/// Throws Error(input, code) with a text that begins with the file's name.
+/// Throws Error(input, code) whose text is one sentence: the file's name,
+/// then `text`, which goes on with a verb.
 [[noreturn]] void fail(const std::string& code, const std::filesystem::path& path, const std::string& text,
                        const std::string& details = {});
 /// The frames that `options` ask for, of those the file has. Throws Error(usage).

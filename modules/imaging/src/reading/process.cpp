@@ -213,7 +213,7 @@ const char* advice = " Nothing was opened. Export the scan again, uncompressed, 
 
 [[noreturn]] void fail_crashed(const std::filesystem::path& shown, const std::string& how) {
   fail("reader-crashed", shown,
-       "its content ended the program that reads files (" + how +
+       "ended the program that reads files (" + how +
            "): it is damaged, or holds something that cannot be decoded." + advice,
        how);
 }

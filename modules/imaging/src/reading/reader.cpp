@@ -81,15 +81,12 @@ core::VolumeSequence read_paths(const std::vector<std::filesystem::path>& paths,
     progress.report(1.0, "Read");
     return sequence;
   } catch (const nlohmann::json::exception& error) {
-    fail("reader-crashed", shown, "the reader's answer makes no sense; the file was not opened.",
-         error.what());
+    fail("reader-crashed", shown, "was not opened: the reader's answer makes no sense.", error.what());
   } catch (const std::invalid_argument& error) {
-    fail("reader-crashed", shown, "the reader's answer makes no sense; the file was not opened.",
-         error.what());
+    fail("reader-crashed", shown, "was not opened: the reader's answer makes no sense.", error.what());
   } catch (const core::Error& error) {
     if (error.kind() != core::ErrorKind::input) throw;
-    fail("reader-crashed", shown, "the reader's answer makes no sense; the file was not opened.",
-         error.what());
+    fail("reader-crashed", shown, "was not opened: the reader's answer makes no sense.", error.what());
   } catch (const std::bad_alloc&) {
     fail("reader-memory", shown, "needs more memory than there is. Read a single frame of it.");
   }
@@ -133,8 +130,8 @@ core::VolumeSequence read_folder(const std::filesystem::path& folder, const Read
                                   [&](const Series& s) { return s.uid == wanted.front().uid; });
     if (same)
       fail("no-volume", folder,
-           "its " + std::to_string(wanted.size()) +
-               " pictures belong to one series but are no volume together. Open one of the files.");
+           "holds " + std::to_string(wanted.size()) +
+               " pictures that belong to one series but are no volume together. Open one of the files.");
     fail("several-series", folder,
          "holds " + std::to_string(wanted.size()) + " series. Choose one by --series:" + listing(wanted));
   }
@@ -155,14 +152,15 @@ core::VolumeSequence read(const std::filesystem::path& path, const ReadOptions& 
   using namespace reading;
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status))
-    fail("not-found", path, "there is no such file or folder. Check its name.");
+  if (!std::filesystem::exists(status)) fail("not-found", path, "does not exist. Check the name.");
   if (std::filesystem::is_directory(status)) return read_folder(path, options, progress, limits);
   if (!std::filesystem::is_regular_file(status)) fail("unsupported", path, "is neither a file nor a folder.");
   core::VolumeSequence sequence = read_paths({path}, path, options, progress, limits);
   if (!options.series_uid.empty() && sequence.info.series_uid != options.series_uid)
     fail("not-found", path,
-         "holds series \"" + sequence.info.series_uid + "\", not " + options.series_uid + ".");
+         (sequence.info.series_uid.empty() ? std::string("belongs to no series, so not to ")
+                                           : "belongs to series " + sequence.info.series_uid + ", not ") +
+             options.series_uid + ".");
   return sequence;
 }
 
@@ -197,8 +195,7 @@ std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths
   for (const auto& [path, error] : survey.broken)
     reports.push_back({path, false, error.code(), error.what(), {}});
   for (const auto& path : survey.missing)
-    reports.push_back(
-        {path, false, "not-found", path.string() + ": there is no such file or folder. Check its name.", {}});
+    reports.push_back({path, false, "not-found", path.string() + " does not exist. Check the name.", {}});
   std::stable_sort(reports.begin(), reports.end(),
                    [](const InputReport& a, const InputReport& b) { return a.path < b.path; });
   return reports;

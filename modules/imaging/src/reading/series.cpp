@@ -44,7 +44,7 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
         run_reader(ReaderTask::scan, part, part.front(), {}, core::Progress({}, progress.cancel()), limits);
     const auto& list = reply.result.at("files");
     if (list.size() != part.size())
-      fail("reader-crashed", part.front(), "the reader's answer makes no sense.");
+      fail("reader-crashed", part.front(), "was not opened: the reader's answer makes no sense.");
     for (std::size_t n = 0; n < part.size(); ++n) {
       DicomGlance& glance = seen[from + n];
       glance.dicom = list[n].at("dicom").get<bool>();
@@ -65,7 +65,7 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
     scan(files, from, middle, seen, survey, progress, limits);
     scan(files, middle, to, seen, survey, progress, limits);
   } catch (const nlohmann::json::exception& error) {
-    fail("reader-crashed", files[from], "the reader's answer makes no sense.", error.what());
+    fail("reader-crashed", files[from], "was not opened: the reader's answer makes no sense.", error.what());
   }
 }
 

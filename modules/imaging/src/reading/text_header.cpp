@@ -62,7 +62,7 @@ std::filesystem::path companion(const std::filesystem::path& header, const std::
   const auto status = fs::status(data, error);
   if (error || !fs::is_regular_file(status))
     fail("not-found", header,
-         "its voxels should be in " + shown + ", which is missing. Put both into one folder.");
+         "needs its voxels from " + shown + ", which is missing. Put both into one folder.");
   const auto difference = std::mismatch(folder.begin(), folder.end(), data.begin(), data.end());
   if (difference.first != folder.end())
     fail("bad-header", header, "names a data file that leads out of its own folder (" + shown + ").");
