@@ -37,6 +37,7 @@ int run_phantom(const Call& call) {
   if (!surface_output.empty()) check_output("--surface", surface_output, {".stl", ".ply", ".obj", ".vtp"});
   if (!labels_output.empty())
     check_output("--labels", labels_output, {".mha", ".mhd", ".nrrd", ".nii", ".nii.gz"});
+  check_apart({{"-o", output}, {"--surface", surface_output}, {"--labels", labels_output}});
 
   const auto progress = call.console.progress();
   const auto phantom = imaging::make_phantom(parameters, progress.part(0.0, 0.8));

@@ -169,6 +169,9 @@ int run_render(const Call& call) {
   check_output("-o", picture.output, {".png"});
   if (!simulation.steps_given && (simulation.seconds_given || !simulation.gesture_path.empty()))
     simulation.request.steps.reset();
+  check_apart({{"-o", picture.output},
+               {"--surface", simulation.surface_path},
+               {"--save-recipe", simulation.save_recipe_path}});
   check_request(simulation, common.device);
   return draw(picture, simulation, call);
 }

@@ -29,6 +29,9 @@ int run_simulate(const Call& call) {
   if (parse_or_help(options, call)) return 0;
   take_path(scan, "simulate");
   if (!output.empty()) check_output("-o", output, {".vtp"});
+  check_apart({{"-o", output},
+               {"--surface", simulation.surface_path},
+               {"--save-recipe", simulation.save_recipe_path}});
   check_request(simulation, common.device);
 
   const auto progress = call.console.progress();

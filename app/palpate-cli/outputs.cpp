@@ -47,4 +47,18 @@ void check_output(const std::string& option, const fs::path& path, const std::ve
   if (fs::is_directory(path, ignored)) cannot_write(path, "a folder of that name is there");
 }
 
+void check_apart(const std::vector<std::pair<std::string, fs::path>>& outputs) {
+  std::vector<std::pair<std::string, fs::path>> seen;
+  for (const auto& [option, path] : outputs) {
+    if (path.empty()) continue;
+    std::error_code ignored;
+    const fs::path place = fs::weakly_canonical(path, ignored);
+    for (const auto& [other, its_place] : seen)
+      if (place == its_place)
+        core::throw_usage(option + ": " + path.string() + " is what " + other +
+                          " writes already. Give each its own name.");
+    seen.emplace_back(option, place);
+  }
+}
+
 }  // namespace palpate::cli

@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,7 +21,7 @@ namespace {
 /// A running palpate-cli whose stderr is read.
 class Running {
  public:
-  Running(Words arguments, int standard_output) {
+  Running(Words arguments, int standard_output, std::string variable = {}) {
     std::array<int, 2> error{};
     if (pipe(error.data()) != 0) throw std::runtime_error("no pipe");
     arguments.insert(arguments.begin(), (program_folder() / "palpate-cli").string());
@@ -32,6 +34,7 @@ class Running {
       dup2(error[1], STDERR_FILENO);
       close(error[0]);
       close(error[1]);
+      if (!variable.empty()) putenv(variable.data());
       execv(argv[0], argv.data());
       _exit(127);
     }
@@ -97,7 +100,34 @@ TEST(CliProcess, CtrlCStopsALongRunAndLeavesNothing) {
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
-TEST(CliProcess, CtrlCStopsReadingToo) {
+TEST(CliProcess, CtrlCStopsReadingAndNoReaderIsLeft) {
+  const TemporaryFolder folder;
+  const fs::path pipe = folder / "pipe";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  write_file(folder / "scan.mha", "scan");
+  // A reader that reads for ever; the pipe is open as long as it lives.
+  write_file(folder / "reader",
+             "#!/bin/sh\nexec 9> " + pipe.string() + "\necho started >&9\nexec sleep 1000\n");
+  fs::permissions(folder / "reader", fs::perms::owner_all);
+  const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  Running run({"model", (folder / "scan.mha").string(), "-o", (folder / "points.vtp").string()}, nothing,
+              "PALPATE_READER=" + (folder / "reader").string());
+  close(nothing);
+  const int started = open(pipe.c_str(), O_RDONLY | O_CLOEXEC);  // waits for the reader
+  run.interrupt();
+  const int status = run.end();
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 130) << run.error_text();
+  std::string said;
+  std::array<char, 64> block{};
+  for (ssize_t count = 0; (count = read(started, block.data(), block.size())) > 0;)
+    said.append(block.data(), static_cast<std::size_t>(count));
+  close(started);
+  EXPECT_EQ(said, "started\n") << "and the end of the pipe, so of the reader";
+  EXPECT_FALSE(fs::exists(folder / "points.vtp"));
+}
+
+TEST(CliProcess, CtrlCStopsTheSampleHeartToo) {
   const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
   const TemporaryFolder folder;
   // A scan of a few hundred megabytes is being made when the signal comes.

@@ -203,6 +203,34 @@ TEST(CliRefuses, OutputsThatCannotBeWrittenBeforeTheLongWork) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1) << "nothing is left";
 }
 
+TEST(CliRefuses, TwoOutputsOfOneName) {
+  const TemporaryFolder folder;
+  const std::string same = (folder / "a.vtp").string();
+  const std::string around = (folder / "." / "a.vtp").string();
+  expect_refused({{"simulate", sample(), "-o", same, "--surface", around}, "--surface"}, 2);
+  const std::string volume = (folder / "a.mha").string();
+  expect_refused({{"phantom", "--size", "16", "-o", volume, "--labels", volume}, "--labels"}, 2);
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
+
+TEST(CliRefuses, WhatIsNoScanInOneSentence) {
+  const TemporaryFolder folder;
+  write_file(folder / "notes", "no image");
+  const std::string notes = (folder / "notes").string();
+  EXPECT_EQ(cli({"model", notes}).error, "palpate-cli: " + notes +
+                                             " is no scan that can be read. Export the scan as MetaImage "
+                                             "(.mha, .mhd), NRRD, NIfTI or DICOM.\n");
+  const std::string none = (folder / "none").string();
+  EXPECT_EQ(cli({"model", none}).error, "palpate-cli: " + none + " does not exist. Check the name.\n");
+  EXPECT_EQ(cli({"model", sample(), "--series", "1.2.3"}).error,
+            "palpate-cli: " + sample() + " belongs to no series, so not to 1.2.3.\n");
+  const auto above = cli({"model", sample(), "--threshold", "1000"}).error;
+  EXPECT_THAT(above, HasSubstr("No voxel lies at 1000 or above"));
+  // A parser's own words are of no use to people.
+  expect_refused({{"simulate", sample(), "--gesture", notes}, "line 1: is not valid JSON"}, 2);
+  EXPECT_EQ(cli({"simulate", sample(), "--gesture", notes}).error.find("exception"), std::string::npos);
+}
+
 TEST(CliRefuses, WithJsonAsOneObjectToo) {
   const auto result = cli({"model", sample() + ".none", "--json"});
   EXPECT_EQ(result.exit_code, 3);
