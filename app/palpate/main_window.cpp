@@ -23,6 +23,7 @@
 #include <QActionGroup>
 #include <QCloseEvent>
 #include <QFileDialog>
+#include <QDir>
 #include <QFileInfo>
 #include <QMessageBox>
 #include <QMimeData>
@@ -235,7 +236,8 @@ void MainWindow::choose_series(const QString& path, const QVector<SeriesChoice>&
 void MainWindow::choose_picture() {
   if (!workbench_.has_volume()) return;
   const QString pictures = QStandardPaths::writableLocation(QStandardPaths::PicturesLocation);
-  const QString folder = settings_->value(QStringLiteral("folders/pictures"), pictures).toString();
+  QString folder = settings_->value(QStringLiteral("folders/pictures"), pictures).toString();
+  if (!QDir(folder).exists()) folder = QDir::homePath();
   auto* dialog = new PictureDialog(workbench_, views_->picture_settings(), folder, this);
   connect(dialog, &PictureDialog::saveRequested, this,
           [this](const QString& path, const visualization::ViewSettings& settings,
