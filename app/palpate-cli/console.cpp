@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <fcntl.h>
 #include <mutex>
 #include <unistd.h>
 
@@ -41,6 +42,7 @@ std::string dumped(const Json& object) {
 /// The progress line on stderr.
 struct Console::Line {
   std::mutex mutex;
+  int descriptor = -1;
   bool wanted = false;
   bool terminal = false;
   bool open = false;  ///< a line without its end stands on the terminal
@@ -56,19 +58,37 @@ struct Console::Line {
     std::string number = std::to_string(percent_now);
     number.insert(0, number.size() < 3 ? 3 - number.size() : 0, ' ');
     const std::string text = harmless(number + " %  " + now);
-    write_all(STDERR_FILENO, terminal ? "\r\033[K" + text : text + "\n");
+    write_all(descriptor, terminal ? "\r\033[K" + text : text + "\n");
     open = terminal;
   }
   void close() {
     const std::lock_guard<std::mutex> lock(mutex);
-    if (open) write_all(STDERR_FILENO, "\r\033[K");
+    if (open) write_all(descriptor, "\r\033[K");
     open = false;
   }
 };
 
-Console::Console(bool json, bool progress, core::CancelToken cancel)
-    : json_(json), cancel_(std::move(cancel)), line_(std::make_shared<Line>()) {
-  line_->terminal = isatty(STDERR_FILENO) == 1;
+Outlets take_outlets() {
+  // Above the numbers that a reader process is given its own under.
+  constexpr int first = 10;
+  Outlets outlets;
+  outlets.out = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, first);
+  outlets.error = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, first);
+  const int nothing = open("/dev/null", O_RDWR);
+  if (nothing < 0) return outlets;
+  if (fcntl(STDIN_FILENO, F_GETFD) < 0) dup2(nothing, STDIN_FILENO);
+  dup2(nothing, STDOUT_FILENO);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  dup2(nothing, STDERR_FILENO);  // where sanitizers report
+#endif
+  if (nothing > STDERR_FILENO) close(nothing);
+  return outlets;
+}
+
+Console::Console(Outlets outlets, bool json, bool progress, core::CancelToken cancel)
+    : outlets_(outlets), json_(json), cancel_(std::move(cancel)), line_(std::make_shared<Line>()) {
+  line_->descriptor = outlets_.error;
+  line_->terminal = isatty(outlets_.error) == 1;
   line_->wanted = progress || line_->terminal;
 }
 
@@ -76,7 +96,7 @@ Console::~Console() { line_->close(); }
 
 void Console::warn(const std::string& code, const std::string& text) {
   line_->close();
-  write_all(STDERR_FILENO, harmless("Warning: " + text + "\n"));
+  write_all(outlets_.error, harmless("Warning: " + text + "\n"));
   warnings_.push_back({code, text});
 }
 
@@ -104,19 +124,19 @@ void Console::error(const core::Error& error) noexcept {
     line_->close();
     std::string text = std::string("palpate-cli: ") + error.what() + "\n";
     if (!error.details().empty()) text += error.details() + "\n";
-    write_all(STDERR_FILENO, harmless(text));
+    write_all(outlets_.error, harmless(text));
     if (!json_ || printed_) return;
     Json object;
     object["error"] = {{"code", error.code()}, {"text", error.what()}};
     if (!error.details().empty()) object["error"]["details"] = error.details();
     object["warnings"] = to_json(warnings_);
-    write_all(STDOUT_FILENO, dumped(object));
+    write_all(outlets_.out, dumped(object));
   } catch (...) {  // out of memory while saying so: the exit code still tells
   }
 }
 
-void print(const std::string& text) {
-  if (!write_all(STDOUT_FILENO, text))
+void Console::print(const std::string& text) const {
+  if (!write_all(outlets_.out, text))
     throw core::Error(
         core::ErrorKind::output, "cannot-write",
         std::string("The result cannot be written to the standard output: ") + std::strerror(errno) + ".");

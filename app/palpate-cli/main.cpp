@@ -56,6 +56,8 @@ void install_handlers(const core::CancelToken& token) {
   // A reader that went away is an error of write(), not the end of the process.
   action.sa_handler = SIG_IGN;
   sigaction(SIGPIPE, &action, nullptr);
+  // So is a file that may not grow any more.
+  sigaction(SIGXFSZ, &action, nullptr);
 }
 
 std::string version_text() { return std::string("palpate-cli ") + PALPATE_VERSION + "\n"; }
@@ -91,17 +93,17 @@ int dispatch(const std::vector<std::string>& arguments, Console& console) {
   if (arguments.empty()) core::throw_usage("a command is needed.\n\n" + overview());
   const std::string& name = arguments.front();
   if (name == "--help" || name == "-h" || name == "help") {
-    print(overview());
+    console.print(overview());
     return 0;
   }
   if (name == "--version") {
-    print(version_text());
+    console.print(version_text());
     return 0;
   }
   const Command& command = command_of(name);
   const std::vector<std::string> rest(arguments.begin() + 1, arguments.end());
   if (has(rest, "--version")) {
-    print(version_text());
+    console.print(version_text());
     return 0;
   }
   return command.run({rest, console, has(rest, "--help") || has(rest, "-h")});
@@ -133,7 +135,7 @@ int run_program(int argc, char** argv) noexcept {
   int code = static_cast<int>(ErrorKind::internal);
   try {
     const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
-    Console console(has(arguments, "--json"), has(arguments, "--progress"), token);
+    Console console(take_outlets(), has(arguments, "--json"), has(arguments, "--progress"), token);
     try {
       code = dispatch(arguments, console);
     } catch (...) {
@@ -160,7 +162,7 @@ void add_common(OptionSet& options, CommonOptions& common) {
 
 bool parse_or_help(const OptionSet& options, const Call& call) {
   if (call.help) {
-    print(options.help());
+    call.console.print(options.help());
     return true;
   }
   options.parse(call.arguments);

@@ -147,7 +147,6 @@ void write_staged(const AtomicOutput& output, const fs::path& staged, const std:
                   const WriteOptions& options) {
   const Pixels pixels = pixels_of(frames, options.pixel_type);
   bool whole = false;
-  std::string reason;
   try {
     const auto io = io_for(ending);
     io->SetFileName(staged.string());
@@ -156,14 +155,12 @@ void write_staged(const AtomicOutput& output, const fs::path& staged, const std:
     io->WriteImageInformation();
     io->Write(pixels.data);
     whole = came_out_whole(staged, ending, pixels);
-  } catch (const itk::ExceptionObject& error) {
-    reason = error.GetDescription();
+  } catch (const itk::ExceptionObject&) {  // its words name addresses and staged files
   }
   if (whole) return;
-  core::Error error = output_error(
+  throw output_error(
       output.target(), "write-failed",
       "the disk took only a part of it; it may be full, or there is a limit on the size of files");
-  throw core::Error(error.kind(), error.code(), error.what(), reason);
 }
 
 void check(const std::vector<core::Volume>& frames, double frame_spacing_s, const WriteOptions& options) {
