@@ -117,7 +117,7 @@ int draw(const PictureOptions& picture, SimulationOptions& simulation, const Cal
     settings.use_gradient = false;
   }
   const auto content = content_of(prepared, result ? &*result : nullptr);
-  const auto pixels = vis::draw_picture(content, settings, picture.request);
+  const auto pixels = vis::draw_picture(content, settings, picture.request, progress.cancel());
   progress.report(0.97, "Writing");
   vis::save_png(picture.output, pixels);
   if (!simulation.surface_path.empty())
