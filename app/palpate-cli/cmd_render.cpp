@@ -132,12 +132,15 @@ int draw(const PictureOptions& picture, SimulationOptions& simulation, const Cal
   object["points"] = prepared.tissue.statistics.points;
   object["links"] = prepared.tissue.statistics.links;
   object["faces"] = prepared.surface.mesh ? prepared.surface.mesh->triangles.size() : 0;
+  if (!prepared.surface.space_reason.empty()) object["mesh_axes"] = prepared.surface.space_reason;
   object["recipe_sha256"] = session::recipe_sha256(scan.recipe);
   object["simulation"] = result ? to_json(*result, prepared, scan.recipe) : Json(nullptr);
   Table table;
   table.emplace_back("Size",
                      std::to_string(pixels.width_px) + " x " + std::to_string(pixels.height_px) + " pixels");
   table.emplace_back("View", picture.view + ", " + picture.show_word);
+  if (!result && !prepared.surface.space_reason.empty())
+    table.emplace_back("Mesh axes", prepared.surface.space_reason);
   if (result)
     for (auto& row : table_of(*result, prepared)) table.push_back(std::move(row));
   call.console.result(object, "Wrote " + picture.output, table);

@@ -156,6 +156,7 @@ Json to_json(const session::RunResult& result, const Prepared& prepared, const s
   object["momentum"] = list_of(result.energy.momentum);
   object["recoveries"] = result.recoveries;
   object["diverged"] = result.diverged;
+  if (!prepared.surface.space_reason.empty()) object["mesh_axes"] = prepared.surface.space_reason;
   object["integrator"] = result.integrator;
   object["layout"] = result.layout;
   object["device"] = result.device;
@@ -172,6 +173,7 @@ Table table_of(const session::RunResult& result, const Prepared& prepared) {
   table.emplace_back("Links", shown_count(statistics.links));
   table.emplace_back("Pieces", shown_count(statistics.components) + ", the largest with " +
                                    shown_count(statistics.largest_component) + " points");
+  if (!prepared.surface.space_reason.empty()) table.emplace_back("Mesh axes", prepared.surface.space_reason);
   table.emplace_back("Simulated", shown(result.seconds) + " s in " +
                                       shown_count(static_cast<std::uint64_t>(result.steps)) + " steps of " +
                                       shown(result.step_s * 1000.0) + " ms (stable up to " +

@@ -151,11 +151,13 @@ void Workbench::take_volume(core::VolumeSequence sequence, const session::InputS
   recipe_.tissue.threshold_low.reset();
   recipe_.tissue.threshold_high = std::numeric_limits<double>::infinity();
   recipe_.tissue.crop.reset();
+  recipe_.surface.mesh.reset();  // it lies where the scan before lay
   info_ = std::move(sequence.info);
   volume_ = sequence.frames.front();
   filtered_ = volume_;
   emit volumeOpened();
   emit tissueParametersChanged();
+  emit surfaceSourceChanged();
   start_estimate();
 }
 
@@ -199,6 +201,13 @@ void Workbench::set_tissue_parameters(const model::TissueParameters& parameters)
 }
 
 void Workbench::set_face_budget(int faces) { recipe_.surface.face_budget = faces; }
+
+void Workbench::set_surface_mesh(const QString& path, surface::MeshSpace space) {
+  recipe_.surface.mesh.reset();
+  if (!path.isEmpty()) recipe_.surface.mesh = native(path);
+  recipe_.surface.mesh_space = space;
+  emit surfaceSourceChanged();
+}
 
 void Workbench::start_estimate() {
   jobs_.cancel_lane(JobLane::estimate);

@@ -82,6 +82,8 @@ class Workbench : public QObject {
   // Tissue
   void set_tissue_parameters(const model::TissueParameters& parameters);
   void set_face_budget(int faces);
+  /// The surface is this mesh, or that of the scan where the path is empty.
+  void set_surface_mesh(const QString& path, surface::MeshSpace space);
   void build_tissue();
   // Simulate
   void set_simulation(const session::SimulationSettings& settings);
@@ -115,6 +117,7 @@ class Workbench : public QObject {
   void tissueBuilt();
   void tissueDropped();
   void tissueParametersChanged();
+  void surfaceSourceChanged();
   void simulationStarted();  ///< a driver was made; its device may still be prepared
   void simulationReady();
   void simulationSettingsChanged();

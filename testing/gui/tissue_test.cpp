@@ -10,6 +10,7 @@
 #include <QSpinBox>
 
 #include <algorithm>
+#include <fstream>
 
 namespace palpate::testing {
 namespace {
@@ -96,6 +97,23 @@ TEST_F(TissueStep, AFilterChangesTheVolumeAndDropsTheTissue) {
   EXPECT_NE(workbench().filtered().data(), workbench().volume().data());
   EXPECT_FALSE(find<gui::StepHeader>("tissueHeader").done());
   EXPECT_TRUE(find<gui::StepHeader>("tissueHeader").isChecked());
+}
+
+TEST_F(TissueStep, AMeshFileTakesThePlaceOfTheScansSurface) {
+  // Two triangles in the scan, in a file that says which way its axes point.
+  const auto path = folder() / "patch.obj";
+  std::ofstream(path) << "# SPACE=RAS\nv 0 0 0\nv 10 0 0\nv 0 10 0\nv 10 10 2\nf 1 2 3\nf 2 4 3\n";
+  workbench().set_surface_mesh(QString::fromStdString(path.string()), surface::MeshSpace::automatic);
+  EXPECT_EQ(find<QComboBox>("surfaceCombo").currentIndex(), 1);
+  build_tissue();
+  EXPECT_EQ(workbench().surface().mesh->triangles.size(), 2U);
+  const QString label = find<QLabel>("meshLabel").text();
+  EXPECT_TRUE(label.contains("patch.obj") && label.contains("RAS, stated")) << label.toStdString();
+  // RAS in the file, LPS here: x and y change their sign.
+  EXPECT_EQ(workbench().surface().mesh->vertices_mm[1], Eigen::Vector3f(-10, 0, 0));
+  workbench().set_surface_mesh({}, surface::MeshSpace::automatic);
+  EXPECT_EQ(find<QComboBox>("surfaceCombo").currentIndex(), 0);
+  EXPECT_FALSE(find<QLabel>("meshLabel").isVisibleTo(&window()));
 }
 
 TEST_F(TissueStep, AThresholdOverEverythingSaysSo) {

@@ -4,6 +4,8 @@
 #include "text.hpp"
 #include "ui_tissue_panel.h"
 
+#include <QFileDialog>
+
 #include <cmath>
 
 namespace palpate::gui {
@@ -25,6 +27,7 @@ TissuePanel::TissuePanel(Workbench& workbench, QWidget* parent)
   wire();
   show_waiting(QString());
   show_note();
+  show_surface_source();
   setEnabled(false);
 }
 
@@ -56,6 +59,17 @@ void TissuePanel::wire() {
   connect(ui_->faceBudgetSpin, QOverload<int>::of(&QSpinBox::valueChanged), this, [this](int faces) {
     workbench_.set_face_budget(faces);
     changed_since_built_ = true;
+    show_note();
+  });
+  connect(ui_->surfaceCombo, QOverload<int>::of(&QComboBox::activated), this, &TissuePanel::choose_surface);
+  connect(ui_->meshSpaceCombo, QOverload<int>::of(&QComboBox::activated), this, [this](int space) {
+    const auto& mesh = workbench_.recipe().surface.mesh;
+    workbench_.set_surface_mesh(mesh ? QString::fromStdString(mesh->string()) : QString(),
+                                static_cast<surface::MeshSpace>(space));
+  });
+  connect(&workbench_, &Workbench::surfaceSourceChanged, this, [this] {
+    changed_since_built_ = workbench_.has_tissue();
+    show_surface_source();
     show_note();
   });
   connect(ui_->buildButton, &QPushButton::clicked, &workbench_, &Workbench::build_tissue);
@@ -179,6 +193,38 @@ void TissuePanel::show_built() {
   ui_->estimateLabel->setText(tr("Built in %1.").arg(short_time(built.build_s)));
   if (ui_->thresholdAuto->isChecked()) show_threshold(built.threshold_low);
   show_note();
+  show_surface_source();
+}
+
+void TissuePanel::choose_surface(int source) {
+  QString path;
+  if (source > 0) {
+    path = QFileDialog::getOpenFileName(this, tr("Open a mesh"), QString(),
+                                        tr("Meshes (*.stl *.ply *.obj *.vtp *.vtk);;All files (*)"));
+    if (path.isEmpty()) {
+      show_surface_source();
+      return;
+    }
+  }
+  workbench_.set_surface_mesh(path, static_cast<surface::MeshSpace>(ui_->meshSpaceCombo->currentIndex()));
+}
+
+/// The mesh's file and which way its axes were taken, once it was read.
+void TissuePanel::show_surface_source() {
+  const auto& settings = workbench_.recipe().surface;
+  const bool from_mesh = settings.mesh.has_value();
+  ui_->surfaceCombo->setCurrentIndex(from_mesh ? 1 : 0);
+  ui_->meshSpaceCombo->setCurrentIndex(static_cast<int>(settings.mesh_space));
+  for (QWidget* widget :
+       {static_cast<QWidget*>(ui_->meshSpaceLabel), static_cast<QWidget*>(ui_->meshSpaceCombo),
+        static_cast<QWidget*>(ui_->meshLabel)}) {
+    widget->setVisible(from_mesh);
+  }
+  if (!from_mesh) return;
+  QString text = QString::fromStdString(settings.mesh->filename().string());
+  const bool read = workbench_.has_tissue() && !changed_since_built_;
+  if (read) text += QStringLiteral(" · ") + QString::fromStdString(workbench_.surface().space_reason);
+  ui_->meshLabel->setText(text);
 }
 
 void TissuePanel::show_note() {

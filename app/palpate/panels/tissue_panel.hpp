@@ -30,6 +30,8 @@ class TissuePanel : public QWidget {
   void show_built();
   void show_waiting(const QString& text);
   void show_note();
+  void choose_surface(int source);
+  void show_surface_source();
   void show_threshold(double threshold);
   double slider_to_value(int slider) const;
 

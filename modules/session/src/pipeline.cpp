@@ -63,7 +63,7 @@ BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tiss
   if (recipe.surface.mesh) {
     auto loaded = surface::load_mesh(*recipe.surface.mesh, recipe.surface.mesh_space);
     mesh = std::move(loaded.mesh);
-    bound.space_reason = std::move(loaded.space_reason);
+    bound.space_reason = (loaded.space == surface::MeshSpace::ras ? "RAS, " : "LPS, ") + loaded.space_reason;
   } else {
     surface::ExtractParameters parameters;
     parameters.iso_value = tissue.threshold_low;

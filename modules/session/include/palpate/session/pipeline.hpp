@@ -1,9 +1,5 @@
 #pragma once
 
-#include <memory>
-#include <optional>
-#include <string>
-
 #include "palpate/core/mesh.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/core/volume.hpp"
@@ -11,6 +7,10 @@
 #include "palpate/session/recipe.hpp"
 #include "palpate/simulation/stability.hpp"
 #include "palpate/surface/binding.hpp"
+
+#include <memory>
+#include <optional>
+#include <string>
 
 namespace palpate::session {
 
@@ -23,9 +23,9 @@ struct BuiltTissue {
   double build_s = 0.0;        ///< points and links
 };
 struct BoundSurface {
-  std::shared_ptr<const core::TriangleMesh> mesh;       ///< null where unmapped
+  std::shared_ptr<const core::TriangleMesh> mesh;  ///< null where unmapped
   std::shared_ptr<const surface::SurfaceBinding> binding;
-  std::string space_reason;  ///< of a loaded mesh
+  std::string space_reason;  ///< axes of a loaded mesh and why: "LPS, assumed"
 };
 struct Estimate {
   model::TissueEstimate tissue;
@@ -38,8 +38,10 @@ struct Estimate {
 core::VolumeSequence read_input(const InputSettings& input, const core::Progress& progress = {});
 core::Volume filter_volume(const core::Volume& volume, const std::vector<imaging::FilterStep>& chain,
                            const core::Progress& progress = {});
-Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress = {});
-BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress = {});
+Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe,
+                         const core::Progress& progress = {});
+BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe,
+                         const core::Progress& progress = {});
 BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tissue, const Recipe& recipe,
                            const core::Progress& progress = {});
 
