@@ -245,6 +245,20 @@ TEST(Cli, SimulateWritesPointsAndSurface) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 2) << "nothing else is left";
 }
 
+TEST(Cli, AMeshOfTheUsersSaysHowItsAxesWereTaken) {
+  const TemporaryFolder folder;
+  const std::string faces = "v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 3\n";
+  write_file(folder / "plain.obj", faces);
+  write_file(folder / "ras.obj", "# SPACE=RAS\n" + faces);
+  const auto axes = [&](const char* name) {
+    Words words{"simulate", sample(),  "--device", "reference", "--stride",
+                "4",        "--steps", "0",        "--mesh",    (folder / name).string()};
+    return cli_json(words).at("mesh_axes").get<std::string>();
+  };
+  EXPECT_EQ(axes("plain.obj"), "LPS, assumed");
+  EXPECT_EQ(axes("ras.obj"), "RAS, stated by SPACE=RAS in the file");
+}
+
 TEST(Cli, ARunThatCannotBeBroughtBackEndsWithFive) {
   // Twelve halvings of 1 s are 0.24 ms; tissue this stiff needs a tenth of that.
   const auto result =
