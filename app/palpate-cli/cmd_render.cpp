@@ -108,7 +108,6 @@ int draw(const PictureOptions& picture, SimulationOptions& simulation, const Cal
     result = run_request(simulation, prepared, call.console, progress.part(0.6, 0.9));
     if (result->diverged) throw_diverged(*result);
   }
-  progress.report(0.9, "Drawing");
   auto settings = vis::standard_settings(prepared.filtered);
   settings.show = picture.show;
   settings.transparent = picture.transparent;
@@ -117,7 +116,7 @@ int draw(const PictureOptions& picture, SimulationOptions& simulation, const Cal
     settings.use_gradient = false;
   }
   const auto content = content_of(prepared, result ? &*result : nullptr);
-  const auto pixels = vis::draw_picture(content, settings, picture.request, progress.cancel());
+  const auto pixels = vis::draw_picture(content, settings, picture.request, progress.part(0.9, 0.97));
   progress.report(0.97, "Writing");
   vis::save_png(picture.output, pixels);
   if (!simulation.surface_path.empty())

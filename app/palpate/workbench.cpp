@@ -258,9 +258,8 @@ void Workbench::save_picture(const QString& path, const visualization::ViewSetti
       JobLane::picture, tr("Drawing the picture"),
       [this, path, settings, request,
        scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
-        progress.report(0.05, "drawing");
         const core::Picture picture =
-            visualization::draw_picture(scene, settings, request, progress.cancel());
+            visualization::draw_picture(scene, settings, request, progress.part(0.0, 0.7));
         progress.report(0.7, "writing");
         visualization::save_png(native(path), picture);
         return [this, path] { emit pictureSaved(path); };
@@ -273,8 +272,8 @@ void Workbench::preview_picture(const visualization::ViewSettings& settings,
   jobs_.start(
       JobLane::preview, QString(),
       [this, settings, request, scene = content()](const core::Progress& progress) -> JobTracker::Delivery {
-        auto picture = std::make_shared<core::Picture>(
-            visualization::draw_picture(scene, settings, request, progress.cancel()));
+        auto picture =
+            std::make_shared<core::Picture>(visualization::draw_picture(scene, settings, request, progress));
         return [this, picture] { emit previewDrawn(*picture); };
       },
       [this](const core::Error& error) { emit previewFailed(QString::fromUtf8(error.what())); });

@@ -76,19 +76,27 @@ int title_height(const core::Picture& picture) {
 
 }  // namespace
 
-TEST(Picture, StopsWhenItIsCancelled) {
+TEST(Picture, StopsBetweenTilesWhenItIsCancelled) {
   const SceneContent scene = content();
   const core::CancelToken cancel;
-  const PictureRequest request{8192, 8192, PictureView::four_up};
-  std::thread other([&] { cancel.cancel(); });
+  std::vector<double> reports;
+  const core::Progress progress(
+      [&](double fraction, const std::string&) {
+        reports.push_back(fraction);
+        if (reports.size() == 2) cancel.cancel();  // while the second of four tiles is begun
+      },
+      cancel);
+  // One view of two by two tiles.
+  const PictureRequest request{2050, 2050, PictureView::axial};
   try {
-    // 16 tiles of seconds in all: the other thread is done within the first ones.
-    draw_picture(scene, standard_settings(scene.volume), request, cancel);
+    draw_picture(scene, standard_settings(scene.volume), request, progress);
     ADD_FAILURE() << "it was drawn to the end";
   } catch (const core::Error& error) {
     EXPECT_EQ(error.kind(), core::ErrorKind::cancelled);
   }
-  other.join();
+  ASSERT_EQ(reports.size(), 2U) << "the third tile was not begun";
+  EXPECT_EQ(reports[0], 0.0);
+  EXPECT_GT(reports[1], 0.5) << "a tile of 2048 of 2050 pixels square is half and more";
 }
 
 TEST(Picture, HasTheAskedSizeAndIsNotBlank) {

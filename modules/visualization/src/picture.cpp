@@ -114,10 +114,12 @@ void put(core::Picture& picture, const std::vector<std::uint8_t>& rgba, int widt
 
 template <typename Scene>
 void draw_pane(OffscreenCanvas& canvas, Scene& scene, const Place& place, bool keep_alpha,
-               const core::CancelToken& cancel, core::Picture& picture) {
+               const core::Progress& progress, core::Picture& picture) {
+  const double pixels = static_cast<double>(place.width) * place.height;
+  double drawn = 0.0;
   for (int y = 0; y < place.height; y += tile_px) {
     for (int x = 0; x < place.width; x += tile_px) {
-      cancel.check();
+      progress.report(drawn / pixels, "Drawing");
       Tile tile;
       tile.width = std::min(tile_px, place.width - x);
       tile.height = std::min(tile_px, place.height - y);
@@ -128,6 +130,7 @@ void draw_pane(OffscreenCanvas& canvas, Scene& scene, const Place& place, bool k
       scene.set_tile(tile);
       const auto rgba = canvas.draw(*scene.renderer(), tile.width, tile.height);
       put(picture, rgba, tile.width, tile.height, place.x + x, place.y + y, keep_alpha);
+      drawn += static_cast<double>(tile.width) * tile.height;
     }
   }
   canvas.release();
@@ -164,16 +167,20 @@ PictureView picture_view_from(const std::string& word) {
 }
 
 core::Picture draw_picture(const SceneContent& content, const ViewSettings& settings,
-                           const PictureRequest& request, const core::CancelToken& cancel) {
+                           const PictureRequest& request, const core::Progress& progress) {
   check(request);
-  cancel.check();
+  progress.cancel().check();
   core::Picture picture = blank(request, settings.transparent);
   on_own_thread([&] {
     OffscreenCanvas canvas;
-    for (const Place& place : layout_of(request)) {
+    const auto places = layout_of(request);
+    for (std::size_t n = 0; n < places.size(); ++n) {
+      const Place& place = places[n];
+      const auto count = static_cast<double>(places.size());
+      const auto part = progress.part(static_cast<double>(n) / count, static_cast<double>(n + 1) / count);
       const bool keep_alpha = settings.transparent && place.pane == Pane::three_d;
       with_scene(place, content, settings,
-                 [&](auto& scene) { draw_pane(canvas, scene, place, keep_alpha, cancel, picture); });
+                 [&](auto& scene) { draw_pane(canvas, scene, place, keep_alpha, part, picture); });
     }
   });
   return picture;

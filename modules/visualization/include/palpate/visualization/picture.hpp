@@ -24,10 +24,11 @@ struct PictureRequest {
 /// a surfaceless EGL context, software or not. Text, lines and the scale bar
 /// grow with the picture. Throws Error(usage) for a size out of range,
 /// Error(internal, "no-renderer") with the driver's words where there is none.
-/// Any thread, one at a time per process. Between tiles of at most 2048 pixels
-/// it looks at `cancel` and stops with Error(cancelled).
+/// Any thread, one at a time per process. Before each tile of at most 2048
+/// pixels it reports its progress, from the thread that draws while the caller
+/// waits, and there it can be cancelled: Error(cancelled).
 core::Picture draw_picture(const SceneContent& content, const ViewSettings& settings,
-                           const PictureRequest& request, const core::CancelToken& cancel = {});
+                           const PictureRequest& request, const core::Progress& progress = {});
 /// Every string that the picture burns in, for the export dialog.
 std::vector<std::string> burned_in_text(const SceneContent& content, const ViewSettings& settings,
                                         const PictureRequest& request);
