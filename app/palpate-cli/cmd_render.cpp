@@ -80,8 +80,7 @@ vis::SceneContent content_of(const Prepared& prepared, const session::RunResult*
   content.volume = prepared.filtered;
   content.spacing_assumed = info.spacing_is_assumed();
   content.spacing_badge = content.spacing_assumed ? "assumed" : core::to_string(info.spacing_provenance[0]);
-  content.orientation_known = info.direction_provenance != core::Provenance::absent &&
-                              info.direction_provenance != core::Provenance::assumed;
+  content.orientation_known = info.patient_axes;
   content.mesh = prepared.surface.mesh;
   content.tissue = prepared.tissue.tissue;
   if (result != nullptr) {

@@ -120,6 +120,8 @@ imaging::ReadOptions read_options(const ScanOptions& scan) {
   options.series_uid = input.series_uid;
   if (scan.frame_given) options.frame = input.frame;
   options.spacing_mm = input.spacing_mm;
+  options.orientation = input.orientation;
+  options.grid_spacing_mm = input.grid_spacing_mm;
   options.allow_truncated = input.allow_truncated;
   return options;
 }

@@ -28,6 +28,7 @@ core::VolumeSequence make_sample(const core::Progress& progress) {
   sequence.info.spacing_provenance.fill(core::Provenance::stated);
   sequence.info.origin_provenance = core::Provenance::stated;
   sequence.info.direction_provenance = core::Provenance::stated;
+  sequence.info.patient_axes = true;
   sequence.frames.push_back(phantom.frames.front());
   return sequence;
 }
@@ -59,9 +60,7 @@ visualization::SceneContent Workbench::content() const {
   content.volume = filtered_;
   content.spacing_assumed = info_.spacing_is_assumed();
   content.spacing_badge = core::to_string(info_.spacing_provenance[0]);
-  content.orientation_known = info_.direction_provenance == core::Provenance::stated ||
-                              info_.direction_provenance == core::Provenance::private_tag ||
-                              info_.direction_provenance == core::Provenance::user;
+  content.orientation_known = info_.patient_axes;
   content.mesh = surface_.mesh;
   if (built_) content.tissue = built_->tissue;
   if (frame_) {

@@ -13,6 +13,8 @@ core::VolumeSequence read_input(const InputSettings& input, const core::Progress
   options.series_uid = input.series_uid;
   options.frame = input.frame;
   options.spacing_mm = input.spacing_mm;
+  options.orientation = input.orientation;
+  options.grid_spacing_mm = input.grid_spacing_mm;
   options.allow_truncated = input.allow_truncated;
   auto sequence = imaging::read(input.path, options, progress);
   if (sequence.frames.empty())

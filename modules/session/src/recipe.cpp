@@ -44,6 +44,8 @@ json to_value(const InputSettings& input) {
           {"series_uid", input.series_uid},
           {"frame", input.frame},
           {"spacing_mm", input.spacing_mm ? json(*input.spacing_mm) : json(nullptr)},
+          {"orientation", input.orientation},
+          {"grid_spacing_mm", optional_number(input.grid_spacing_mm)},
           {"allow_truncated", input.allow_truncated}};
 }
 
@@ -114,6 +116,10 @@ InputSettings read_input(ObjectReader reader) {
   reader.read("series_uid", input.series_uid);
   reader.read("frame", input.frame, 0, most_voxels);
   reader.read("allow_truncated", input.allow_truncated);
+  reader.read("orientation", input.orientation);
+  if (reader.has("grid_spacing_mm"))
+    input.grid_spacing_mm =
+        ObjectReader::number(reader.at("grid_spacing_mm"), reader.place_of("grid_spacing_mm"), 1e-3, 1e3);
   if (reader.has("spacing_mm"))
     input.spacing_mm = read_three<double>(reader.at("spacing_mm"), reader.place_of("spacing_mm"),
                                           [](const json& value, const std::string& place) {

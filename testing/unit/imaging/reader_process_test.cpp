@@ -47,10 +47,10 @@ class ReaderProcess : public ::testing::Test {
   }
   static std::string answer(const std::string& dims, const std::string& spacing = "1,1,1", int kept = 1) {
     return R"({"result":{"first_frame":0,"kept_frames":)" + std::to_string(kept) +
-           R"(,"volume":{"format":"x","modality":"","sop_class":"","series_uid":"","frames":1,"frame_times_s":[],"dims":[)" +
+           R"(,"volume":{"format":"x","modality":"","sop_class":"","series_uid":"","description":"","date":"","scanner":"","frames":1,"frame_times_s":[],"dims":[)" +
            dims + R"(],"spacing_mm":[)" + spacing +
            R"(],"origin_mm":[0,0,0],"direction":[1,0,0,0,1,0,0,0,1],"components":1,"pixel_type":"uint8","min":0,"max":0,"mean":0,)" +
-           R"("provenance":{"spacing":["stated","stated","stated"],"origin":"absent","direction":"absent","time":"absent"},"warnings":[]}}})";
+           R"("provenance":{"spacing":["stated","stated","stated"],"origin":"absent","direction":"absent","time":"absent"},"patient_axes":false,"orientation":"LPS","orientation_choices":[],"warnings":[]}}})";
   }
   static std::string say(const std::string& line) { return "echo '" + line + "' >&4"; }
 

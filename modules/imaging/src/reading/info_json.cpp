@@ -52,6 +52,9 @@ nlohmann::json to_json(const core::VolumeInfo& info) {
           {"modality", info.modality},
           {"sop_class", info.sop_class},
           {"series_uid", info.series_uid},
+          {"description", info.description},
+          {"date", info.date},
+          {"scanner", info.scanner},
           {"frames", info.frames},
           {"frame_times_s", info.frame_times_s},
           {"dims", geometry.dims()},
@@ -68,6 +71,9 @@ nlohmann::json to_json(const core::VolumeInfo& info) {
             {"origin", core::to_string(info.origin_provenance)},
             {"direction", core::to_string(info.direction_provenance)},
             {"time", core::to_string(info.time_provenance)}}},
+          {"patient_axes", info.patient_axes},
+          {"orientation", info.orientation},
+          {"orientation_choices", info.orientation_choices},
           {"warnings", warnings}};
 }
 
@@ -77,6 +83,9 @@ core::VolumeInfo info_from_json(const nlohmann::json& json) {
   info.modality = text_of(json.at("modality"));
   info.sop_class = text_of(json.at("sop_class"));
   info.series_uid = text_of(json.at("series_uid"));
+  info.description = text_of(json.at("description"));
+  info.date = text_of(json.at("date"));
+  info.scanner = text_of(json.at("scanner"));
   info.frames = count_of(json.at("frames"));
   const auto& times = json.at("frame_times_s");
   if (!times.empty() && times.size() != static_cast<std::size_t>(info.frames))
@@ -101,6 +110,11 @@ core::VolumeInfo info_from_json(const nlohmann::json& json) {
   info.origin_provenance = core::provenance_from(json.at("provenance").at("origin"));
   info.direction_provenance = core::provenance_from(json.at("provenance").at("direction"));
   info.time_provenance = core::provenance_from(json.at("provenance").at("time"));
+  info.patient_axes = json.at("patient_axes").get<bool>();
+  info.orientation = text_of(json.at("orientation"));
+  const auto& choices = json.at("orientation_choices");
+  if (choices.size() > 48) throw std::invalid_argument("too many orientations");
+  for (const auto& choice : choices) info.orientation_choices.push_back(text_of(choice));
   const auto& warnings = json.at("warnings");
   if (warnings.size() > 100) throw std::invalid_argument("too many warnings");
   for (const auto& warning : warnings)

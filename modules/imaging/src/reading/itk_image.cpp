@@ -1,5 +1,7 @@
 #include "itk_image.hpp"
 
+#include "orientation.hpp"
+
 #include "palpate/core/error.hpp"
 
 #include <Eigen/Geometry>
@@ -137,7 +139,7 @@ Parsed read_through(itk::ImageIOBase& io, const std::filesystem::path& path, cor
     fail("bad-header", path, "is damaged or of a kind that cannot be read. Export the scan again.",
          plain_words(error.GetDescription()));
   }
-  settle_spacing(context.options, info);
+  settle_geometry(context.options, info);
   parsed.info = std::move(info);
   return parsed;
 }
@@ -169,7 +171,8 @@ core::ImageGeometry make_geometry(const std::filesystem::path& path, std::array<
   }
 }
 
-void settle_spacing(const ReadOptions& options, core::VolumeInfo& info) {
+void settle_geometry(const ReadOptions& options, core::VolumeInfo& info) {
+  settle_orientation(options, info);
   const core::ImageGeometry& read = info.geometry;
   if (options.spacing_mm) {
     const auto& user = *options.spacing_mm;

@@ -29,9 +29,9 @@ core::ImageGeometry make_geometry(const std::filesystem::path& path, std::array<
                                   Eigen::Vector3d spacing_mm, const Eigen::Vector3d& origin_mm,
                                   Eigen::Matrix3d direction, core::VolumeInfo& info);
 
-/// The user's spacing in place of the file's, and the warnings about assumed
-/// or implausible ones. To be called last.
-void settle_spacing(const ReadOptions& options, core::VolumeInfo& info);
+/// The user's spacing and orientation in place of the file's, and the warnings
+/// about assumed or implausible ones. To be called last.
+void settle_geometry(const ReadOptions& options, core::VolumeInfo& info);
 
 /// ITK's own words without its pointers and file names.
 std::string plain_words(const std::string& itk_text);

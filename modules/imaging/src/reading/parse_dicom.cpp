@@ -314,8 +314,11 @@ Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Contex
   if (first_header.inverted)
     warn(info, "inverted-display",
          "The file asks to be shown with low values bright (MONOCHROME1); the values are kept as stored.");
-  if (first_header.transducer_axes)
+  if (first_header.transducer_axes) {
+    // The volume's own system stands for the patient's until somebody says otherwise.
+    info.orientation_choices = {"LPS", "RAS", "LPI", "RPI"};
     warn(info, "transducer-axes", "The axes are those of the probe; how the patient lay is not known.");
+  }
 
   const auto [first, kept] = frames_to_keep(context.options, assembly.frames);
   const std::size_t count = info.geometry.voxel_count() * static_cast<std::size_t>(kept);
@@ -337,7 +340,7 @@ Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Contex
   if (info.components > 1)
     warn(info, "colour-to-grey", "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
   make_finite(first_header.path, parsed.voxels.get(), count, info);
-  settle_spacing(context.options, info);
+  settle_geometry(context.options, info);
   parsed.first_frame = first;
   parsed.kept_frames = kept;
   return parsed;

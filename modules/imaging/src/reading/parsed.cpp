@@ -82,7 +82,7 @@ std::pair<int, int> frames_to_keep(const ReadOptions& options, int frames) {
   if (*options.frame < 0 || *options.frame >= frames)
     core::throw_usage("There is no frame " + std::to_string(*options.frame) + "; the scan has " +
                       std::to_string(frames) + ", counted from 0.");
-  return {*options.frame, 1};
+  return {*options.frame, std::clamp(options.frame_count, 1, frames - *options.frame)};
 }
 
 void check_memory(const std::filesystem::path& path, double raw_bytes, double voxels,

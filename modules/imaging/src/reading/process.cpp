@@ -67,8 +67,12 @@ void write_all(int number, const std::string& bytes) {
 }
 
 std::string request_of(const std::vector<std::filesystem::path>& paths, const ReadOptions& options) {
-  nlohmann::json json{{"series_uid", options.series_uid}, {"allow_truncated", options.allow_truncated}};
+  nlohmann::json json{{"series_uid", options.series_uid},
+                      {"allow_truncated", options.allow_truncated},
+                      {"orientation", options.orientation},
+                      {"frame_count", options.frame_count}};
   if (options.frame) json["frame"] = *options.frame;
+  if (options.grid_spacing_mm) json["grid_spacing_mm"] = *options.grid_spacing_mm;
   if (options.spacing_mm) json["spacing_mm"] = *options.spacing_mm;
   std::string request = json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n";
   for (const auto& path : paths) {

@@ -84,6 +84,10 @@ Request take_request() {
   const auto json = nlohmann::json::parse(bytes.substr(0, line_end));
   request.options.series_uid = json.at("series_uid").get<std::string>();
   request.options.allow_truncated = json.at("allow_truncated").get<bool>();
+  request.options.orientation = json.at("orientation").get<std::string>();
+  request.options.frame_count = json.at("frame_count").get<int>();
+  if (json.contains("grid_spacing_mm"))
+    request.options.grid_spacing_mm = json.at("grid_spacing_mm").get<double>();
   if (json.contains("frame")) request.options.frame = json.at("frame").get<int>();
   if (json.contains("spacing_mm"))
     request.options.spacing_mm = json.at("spacing_mm").get<std::array<double, 3>>();

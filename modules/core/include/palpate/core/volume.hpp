@@ -62,10 +62,13 @@ struct Warning {
 /// What a file says of its volume. The numbers min, max, mean are after
 /// modality rescale, over finite voxels of all components turned to grey.
 struct VolumeInfo {
-  std::string format;      ///< "MetaImage", "NRRD", "NIfTI", "DICOM"
-  std::string modality;    ///< DICOM (0008,0060); empty elsewhere
-  std::string sop_class;   ///< DICOM UID; empty elsewhere
-  std::string series_uid;  ///< DICOM UID; empty elsewhere
+  std::string format;       ///< "MetaImage", "NRRD", "NIfTI", "DICOM"
+  std::string modality;     ///< DICOM (0008,0060); empty elsewhere
+  std::string sop_class;    ///< DICOM UID; empty elsewhere
+  std::string series_uid;   ///< DICOM UID; empty elsewhere
+  std::string description;  ///< DICOM series description; empty elsewhere. Never drawn into a picture
+  std::string date;         ///< of the acquisition, "2012-02-15"; empty where unknown
+  std::string scanner;      ///< manufacturer and model, "Philips EPIQ 7C"; empty where unknown
   ImageGeometry geometry;
   int frames = 1;
   std::vector<double> frame_times_s;  ///< one per frame, or empty where unknown
@@ -76,6 +79,14 @@ struct VolumeInfo {
   Provenance origin_provenance = Provenance::absent;
   Provenance direction_provenance = Provenance::absent;
   Provenance time_provenance = Provenance::absent;
+  /// The axes are known in the patient: letters A/P/L/R/S/I may be shown.
+  bool patient_axes = false;
+  /// Where i, j and k point to, the nearest of the patient's directions each:
+  /// "LPS", "RAS", ... (the same letters that ReadOptions::orientation takes).
+  std::string orientation = "LPS";
+  /// Where the file leaves it open: what is known to be in use for such files,
+  /// the one that was taken first. Empty where the file is clear.
+  std::vector<std::string> orientation_choices;
   std::vector<Warning> warnings;
 
   bool spacing_is_assumed() const noexcept;

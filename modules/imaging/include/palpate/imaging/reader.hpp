@@ -1,21 +1,30 @@
 #pragma once
 
+#include "palpate/core/error.hpp"
+#include "palpate/core/picture.hpp"
+#include "palpate/core/progress.hpp"
+#include "palpate/core/volume.hpp"
+
 #include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "palpate/core/error.hpp"
-#include "palpate/core/progress.hpp"
-#include "palpate/core/volume.hpp"
-
 namespace palpate::imaging {
 
 struct ReadOptions {
   std::string series_uid;                           ///< where a folder holds several series
-  std::optional<int> frame;                         ///< only this one; all where absent
+  std::optional<int> frame;                         ///< the first to hand on; all where absent
+  int frame_count = 1;                              ///< how many from `frame` on, as far as there are
   std::optional<std::array<double, 3>> spacing_mm;  ///< the user states it: provenance `user`
+  /// Where i, j and k point to, three of the letters L R P A S I that name each
+  /// axis once ("RAS"; case does not matter); empty or "file": as the file says.
+  /// Spacing and origin stay; provenance `user`.
+  std::string orientation;
+  /// Of the grid that a volume in polar coordinates is converted to; the finest
+  /// resolution in the file, within the memory that may be used, where absent.
+  std::optional<double> grid_spacing_mm;
   bool allow_truncated = false;
 };
 
@@ -50,6 +59,21 @@ struct InputReport {
 std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths,
                                  const ReadOptions& options = {}, const core::Progress& progress = {},
                                  const ReaderLimits& limits = {});
+
+/// What a folder offers to choose from, told without decoding more than one
+/// picture of each series.
+struct SeriesSummary {
+  std::filesystem::path path;  ///< as read() takes it together with info.series_uid
+  std::size_t files = 0;
+  core::VolumeInfo info;    ///< min, max and mean are 0: pixels are not read
+  core::Picture thumbnail;  ///< grey as RGB, at most 128 pixels a side; empty where it cannot be decoded
+  std::string error_code, error_text;  ///< where it can be told now that it will not open as a volume
+};
+/// One entry per series and per other scan in the folder, in the order of their
+/// paths; files that are no scan are left out. A broken one never stops it.
+/// Throws Error(input, "not-found"), Error(cancelled).
+std::vector<SeriesSummary> list_series(const std::filesystem::path& folder,
+                                       const core::Progress& progress = {}, const ReaderLimits& limits = {});
 
 /// The VOLUME object of docs/cli.md as one line of JSON.
 std::string volume_info_json(const core::VolumeInfo& info);

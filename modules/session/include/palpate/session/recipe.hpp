@@ -1,16 +1,16 @@
 #pragma once
 
-#include <array>
-#include <filesystem>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "palpate/imaging/filters.hpp"
 #include "palpate/imaging/reader.hpp"
 #include "palpate/model/generate.hpp"
 #include "palpate/simulation/parameters.hpp"
 #include "palpate/surface/extract.hpp"
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace palpate::session {
 
@@ -20,10 +20,12 @@ struct InputSettings {
   std::string series_uid;
   int frame = 0;
   std::optional<std::array<double, 3>> spacing_mm;
+  std::string orientation;                ///< as imaging::ReadOptions has it; empty: the file's
+  std::optional<double> grid_spacing_mm;  ///< of a scan-converted volume
   bool allow_truncated = false;
 };
 struct SurfaceSettings {
-  bool mapped = true;                      ///< --surface-mapping triangle, or none
+  bool mapped = true;                         ///< --surface-mapping triangle, or none
   std::optional<std::filesystem::path> mesh;  ///< instead of the isosurface
   surface::MeshSpace mesh_space = surface::MeshSpace::automatic;
   int face_budget = 50000;
@@ -47,7 +49,7 @@ struct Recipe {
 std::string to_json(const Recipe& recipe);
 /// Throws Error(usage) with the place of what does not fit, also for unknown keys.
 Recipe parse_recipe(const std::string& json_text);
-Recipe load_recipe(const std::filesystem::path& path);   ///< relative paths are beside the file
+Recipe load_recipe(const std::filesystem::path& path);  ///< relative paths are beside the file
 void save_recipe(const std::filesystem::path& path, const Recipe& recipe);
 /// SHA-256 of to_json() without the input's path, in hex.
 std::string recipe_sha256(const Recipe& recipe);
