@@ -104,6 +104,16 @@ Parsed read_through(itk::ImageIOBase& io, const std::filesystem::path& path, cor
     info.geometry = make_geometry(path, shape.dims, spacing, origin, direction, info);
 
     const auto [first, kept] = frames_to_keep(context.options, shape.frames);
+    if (mix == Mix::colour)
+      warn(info, "colour-to-grey",
+           "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
+    parsed.first_frame = first;
+    parsed.kept_frames = kept;
+    if (context.headers_only) {
+      settle_geometry(context.options, info);
+      parsed.info = std::move(info);
+      return parsed;
+    }
     const std::size_t frame_voxels = info.geometry.voxel_count();
     const auto all_voxels = static_cast<double>(frame_voxels) * shape.frames;
     const double raw_bytes = all_voxels * static_cast<double>(bytes) *
@@ -127,12 +137,7 @@ Parsed read_through(itk::ImageIOBase& io, const std::filesystem::path& path, cor
       to_grey(raw.data() + offset, io.GetComponentType(), shape.components, mix, frame, frame_voxels,
               parsed.voxels.get() + static_cast<std::size_t>(n) * frame_voxels);
     }
-    if (mix == Mix::colour)
-      warn(info, "colour-to-grey",
-           "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
     make_finite(path, parsed.voxels.get(), frame_voxels * static_cast<std::size_t>(kept), info);
-    parsed.first_frame = first;
-    parsed.kept_frames = kept;
   } catch (const itk::ProcessAborted&) {
     core::throw_cancelled();
   } catch (const itk::ExceptionObject& error) {

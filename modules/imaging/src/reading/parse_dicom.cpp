@@ -321,6 +321,13 @@ Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Contex
   }
 
   const auto [first, kept] = frames_to_keep(context.options, assembly.frames);
+  parsed.first_frame = first;
+  parsed.kept_frames = kept;
+  if (context.headers_only) {
+    info.components = first_header.samples;
+    settle_geometry(context.options, info);
+    return parsed;
+  }
   const std::size_t count = info.geometry.voxel_count() * static_cast<std::size_t>(kept);
   check_memory(first_header.path, 2.0 * raw_bytes_of(first_header), static_cast<double>(count), context);
   parsed.voxels = context.allocate(count);
@@ -341,8 +348,6 @@ Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Contex
     warn(info, "colour-to-grey", "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
   make_finite(first_header.path, parsed.voxels.get(), count, info);
   settle_geometry(context.options, info);
-  parsed.first_frame = first;
-  parsed.kept_frames = kept;
   return parsed;
 }
 

@@ -22,6 +22,17 @@ struct Context {
   const core::Progress& progress;
   AllocateVoxels allocate;
   std::size_t memory_bytes;  ///< what may be used altogether
+  /// Only the description is wanted: everything is checked and settled as ever,
+  /// but no pixels are decoded and nothing is allocated. Parsed::voxels stays
+  /// empty; min, max and mean stay 0.
+  bool headers_only = false;
+  /// To be called before a decoder that may end the process, with the file and
+  /// a sentence that goes on from its name ("holds pixels that cannot be
+  /// decoded: ..."). Should the process die then, this is reported, with code
+  /// `unsupported`, in place of `reader-crashed`. Another call replaces it; an
+  /// empty text takes it back once the decoder has returned.
+  std::function<void(const std::filesystem::path&, const std::string& text)> about_to_risk =
+      [](const std::filesystem::path&, const std::string&) {};
 };
 
 /// What a parser hands on: the voxels of frames [first_frame, first_frame + kept_frames).
