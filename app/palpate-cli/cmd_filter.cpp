@@ -98,9 +98,11 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
   const double count = static_cast<double>(sequence.frames.size());
   for (std::size_t n = 0; n < sequence.frames.size(); ++n) {
     const double from = 0.3 + 0.5 * static_cast<double>(n) / count;
-    auto filtered = session::filter_volume(sequence.frames[n], scan.recipe.filters,
+    auto filtered = session::filter_volume(sequence.frames[n], scan.recipe.filters, scan.filter_options,
                                            progress.part(from, from + 0.5 / count));
-    sequence.frames[n] = scan.recipe.tissue.crop ? cropped(filtered, *scan.recipe.tissue.crop) : filtered;
+    if (n == 0) call.console.warn(filtered.warnings);
+    sequence.frames[n] =
+        scan.recipe.tissue.crop ? cropped(filtered.volume, *scan.recipe.tissue.crop) : filtered.volume;
   }
   imaging::WriteOptions write_options;
   write_options.pixel_type = pixel_type_of(sequence.info, scan.recipe.filters);
@@ -150,6 +152,7 @@ int run_filter(const Call& call) {
   options.example("palpate-cli filter data/sample-heart.mha --filter median:radius=1 -o smooth.mha");
   options.example("palpate-cli filter --list");
   if (parse_or_help(options, call)) return 0;
+  scan.filter_options.device = common.device;
   return list ? print_list(call) : filter_scan(scan, output, call);
 }
 

@@ -91,6 +91,7 @@ int run_model(const Call& call) {
   add_common(options, common);
   options.example("palpate-cli model data/sample-heart.mha --threshold 80 --min-component 100 -o heart.vtp");
   if (parse_or_help(options, call)) return 0;
+  scan.filter_options.device = common.device;
   take_path(scan, "model");
   if (!output.empty()) {
     if (estimate)

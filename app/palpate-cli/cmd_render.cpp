@@ -165,6 +165,7 @@ int run_render(const Call& call) {
   options.example("palpate-cli render data/sample-heart.mha -o heart.png --size 1600x1200");
   options.example("palpate-cli render scan.mha --view 3d --show points --background white -o points.png");
   if (parse_or_help(options, call)) return 0;
+  simulation.scan.filter_options.device = common.device;
   take_path(scan, "render");
   if (picture.output.empty()) core::throw_usage("render needs -o OUT.png, the picture to write.");
   check_output("-o", picture.output, {".png"});

@@ -27,6 +27,7 @@ int run_simulate(const Call& call) {
       "palpate-cli simulate data/sample-heart.mha --threshold 80 --seconds 0.5 --gravity 0,0,-9810 --json");
   options.example("palpate-cli simulate scan.mha --gesture pull.json --surface pulled.stl");
   if (parse_or_help(options, call)) return 0;
+  simulation.scan.filter_options.device = common.device;
   take_path(scan, "simulate");
   if (!output.empty()) check_output("-o", output, {".vtp"});
   check_apart({{"-o", output},

@@ -12,10 +12,6 @@
 namespace palpate::cli {
 namespace {
 
-const std::vector<std::string> later_filters{
-    "mean",          "bilateral", "gradient-diffusion", "curvature-diffusion", "curvature-flow",
-    "patch-denoise", "adaptive"};
-
 model::CropBox parse_crop(const std::string& text) {
   const auto ranges = split(text, ',');
   if (ranges.size() != 3)
@@ -70,10 +66,6 @@ void add_scan_options(OptionSet& options, ScanOptions& scan) {
   options.value("--filter", "NAME[:key=value,...]", "a filter; repeat it for a chain (see filter --list)",
                 [&](const std::string& text) {
                   if (!std::exchange(scan.filters_given, true)) scan.recipe.filters.clear();
-                  const std::string name = text.substr(0, text.find(':'));
-                  std::vector<std::string> names;
-                  for (const auto& filter : imaging::filters()) names.push_back(filter.name);
-                  parse_choice(name, names, later_filters);
                   scan.recipe.filters.push_back(imaging::parse_filter(text));
                 });
   options.value("--crop", "I0:I1,J0:J1,K0:K1", "only these voxels; the ends are not included",
@@ -139,8 +131,10 @@ Prepared prepare_volume(ScanOptions& scan, Console& console, const core::Progres
   input.sha256 = sum;
   prepared.info = std::move(sequence.info);
   console.warn(prepared.info.warnings);
-  prepared.filtered =
-      session::filter_volume(sequence.frames.front(), scan.recipe.filters, progress.part(0.7, 1.0));
+  auto filtered = session::filter_volume(sequence.frames.front(), scan.recipe.filters, scan.filter_options,
+                                         progress.part(0.7, 1.0));
+  console.warn(filtered.warnings);
+  prepared.filtered = std::move(filtered.volume);
   return prepared;
 }
 

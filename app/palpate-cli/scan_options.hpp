@@ -15,6 +15,7 @@ namespace palpate::cli {
 /// The options that subcommands share, and the recipe that they fill.
 struct ScanOptions {
   session::Recipe recipe;
+  imaging::FilterOptions filter_options;
   std::vector<std::string> paths;
   bool frame_given = false;
   bool filters_given = false;

@@ -178,7 +178,7 @@ void Workbench::apply_filters(const std::vector<imaging::FilterStep>& chain) {
   jobs_.start(
       JobLane::filter, tr("Filtering"),
       [source, chain, take](const core::Progress& progress) -> JobTracker::Delivery {
-        core::Volume filtered = session::filter_volume(source, chain, progress);
+        core::Volume filtered = session::filter_volume(source, chain, {}, progress).volume;
         return [take, filtered] { take(filtered); };
       },
       [this](const core::Error& error) { fail(error); });

@@ -1,209 +1,150 @@
 #include "filter_steps.hpp"
 
 #include "palpate/core/error.hpp"
-#include "palpate/imaging/filters.hpp"
-
-#include <itkCommand.h>
-#include <itkGaussianOperator.h>
-#include <itkImage.h>
-#include <itkImportImageFilter.h>
-#include <itkMedianImageFilter.h>
-#include <itkNeighborhoodOperatorImageFilter.h>
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstdint>
-#include <exception>
-#include <functional>
-#include <memory>
+#include <cstddef>
+#include <fstream>
+#include <limits>
+#include <new>
 #include <sstream>
+#include <string>
 #include <utility>
 
 namespace palpate::imaging {
 namespace {
 
-using Image = itk::Image<float, 3>;
-
-/// Carries a filter's progress out and a request to stop in. What the
-/// caller's own report throws must not pass through ITK's threads, so it is
-/// kept and thrown again once ITK has stopped.
-class Watcher : public itk::Command {
- public:
-  using Self = Watcher;
-  using Pointer = itk::SmartPointer<Self>;
-  itkFactorylessNewMacro(Self);
-
-  void watch(core::Progress progress, std::string what) {
-    progress_ = std::move(progress);
-    what_ = std::move(what);
-  }
-  void Execute(const itk::Object*, const itk::EventObject&) override {}
-  void Execute(itk::Object* caller, const itk::EventObject&) override {
-    auto* const process = dynamic_cast<itk::ProcessObject*>(caller);
-    if (process == nullptr || caught_) return;
-    try {
-      furthest_ = std::max(furthest_, static_cast<double>(process->GetProgress()));
-      progress_.report(furthest_, what_);
-    } catch (...) {
-      caught_ = std::current_exception();
-      process->SetAbortGenerateData(true);
-    }
-  }
-  void rethrow_caught() const {
-    if (caught_) std::rethrow_exception(caught_);
-  }
-
- private:
-  core::Progress progress_;
-  std::string what_;
-  double furthest_ = 0.0;
-  std::exception_ptr caught_;
-};
-
-/// Runs one filter to its end, or leaves as Error(cancelled).
-void run(itk::ProcessObject& process, const core::Progress& progress, const std::string& what) {
-  progress.report(0.0, what);
-  const auto watcher = Watcher::New();
-  watcher->watch(progress, what);
-  const auto tag = process.AddObserver(itk::ProgressEvent(), watcher);
-  try {
-    process.Update();
-  } catch (const itk::ProcessAborted&) {
-    watcher->rethrow_caught();
-    core::throw_cancelled();
-  } catch (const itk::ExceptionObject& error) {
-    watcher->rethrow_caught();
-    throw core::Error(core::ErrorKind::internal, "filter-failed",
-                      what + " failed: " + error.GetDescription());
-  } catch (const std::bad_alloc&) {
-    throw core::Error(core::ErrorKind::internal, "out-of-memory",
-                      what + " needs more memory than there is; crop the volume or close other programs.");
-  }
-  process.RemoveObserver(tag);
-  watcher->rethrow_caught();
-  progress.report(1.0, what);
+std::vector<PreparedStep> prepare_all(const core::Volume& volume, const std::vector<FilterStep>& chain) {
+  std::vector<PreparedStep> steps;
+  steps.reserve(chain.size());
+  for (const FilterStep& step : chain) steps.push_back(prepare(step));
+  if (volume.empty())
+    throw core::Error(core::ErrorKind::internal, "no-volume",
+                      "A filter was asked for before a volume was read.");
+  // A width that this scan cannot take is refused before the first step runs.
+  for (const PreparedStep& step : steps) step.entry->reach(volume.geometry(), step.parameters);
+  return steps;
 }
 
-/// The voxels as ITK sees them, not copied: identity direction and no origin,
-/// so that only the spacing takes part and no odd direction can be refused.
-itk::ImportImageFilter<float, 3>::Pointer import(const core::Volume& volume) {
-  auto importer = itk::ImportImageFilter<float, 3>::New();
-  Image::SizeType size;
-  Image::SpacingType spacing;
-  for (unsigned axis = 0; axis < 3; ++axis) {
-    size[axis] = static_cast<itk::SizeValueType>(volume.dims()[axis]);
-    spacing[axis] = volume.geometry().spacing_mm()[axis];
+/// What may still be taken without driving the machine into its swap; the
+/// kernel promises more than there is and ends the program when it is used.
+double available_bytes() {
+  std::ifstream file("/proc/meminfo");
+  std::string key;
+  double kilobytes = 0.0;
+  std::string rest;
+  while (file >> key >> kilobytes) {
+    if (key == "MemAvailable:") return kilobytes * 1024.0;
+    std::getline(file, rest);
   }
-  importer->SetRegion(Image::RegionType(size));
-  importer->SetSpacing(spacing);
-  // ITK only reads it: no filter here runs in place.
-  importer->SetImportPointer(const_cast<float*>(volume.data()), volume.size(), false);
-  return importer;
+  return std::numeric_limits<double>::infinity();
 }
 
-/// The filtered voxels with the volume's own geometry; ITK's memory is kept, not copied.
-core::Volume export_with(const core::ImageGeometry& geometry, Image::Pointer image) {
-  const float* const voxels = image->GetBufferPointer();
-  const std::shared_ptr<const float> shared(voxels, [image](const float*) mutable { image = nullptr; });
-  return {geometry, shared};
-}
-
-core::Volume median(const core::Volume& volume, int radius_voxels, const core::Progress& progress) {
-  const auto importer = import(volume);
-  using Filter = itk::MedianImageFilter<Image, Image>;
-  const auto filter = Filter::New();
-  Filter::InputSizeType radius;
-  // Across an axis of one voxel the border repeats that voxel, which changes
-  // no median but costs (2r+1) times the work.
-  for (unsigned axis = 0; axis < 3; ++axis)
-    radius[axis] = volume.dims()[axis] == 1 ? 0 : static_cast<itk::SizeValueType>(radius_voxels);
-  filter->SetRadius(radius);
-  filter->SetInput(importer->GetOutput());
-  run(*filter, progress, "Median filter");
-  const Image::Pointer output = filter->GetOutput();
-  output->DisconnectPipeline();
-  return export_with(volume.geometry(), output);
-}
-
-/// A width that takes a million passes is a spacing in another unit, not a wish.
-void check_width(double sigma_mm, double sigma_voxels, double spacing_mm) {
-  constexpr double widest_voxels = 100.0;
-  if (sigma_voxels <= widest_voxels) return;
+[[noreturn]] void throw_memory(const FilterDescription& filter, double needed_bytes) {
   std::ostringstream text;
-  text << "A Gaussian of sigma_mm=" << sigma_mm << " would be " << sigma_voxels
-       << " voxels wide in this scan, whose voxels are " << spacing_mm << " mm apart; up to " << widest_voxels
-       << " can be done. Take a sigma_mm of at most " << widest_voxels * spacing_mm
-       << ", or give the spacing if the file's is not in mm.";
-  core::throw_usage(text.str());
+  text.precision(3);
+  text << "The filter " << filter.name << " needs " << needed_bytes / 1e9
+       << " GB of memory for this scan, more than is free. Crop the scan or close other programs.";
+  throw core::Error(core::ErrorKind::internal, "out-of-memory", text.str());
 }
 
-/// The discrete Gaussian (the kernel of diffusion on a grid), an axis after
-/// the other. Not ITK's recursive one: that refuses axes under four voxels,
-/// so a 2-D picture, and overshoots at edges. Not DiscreteGaussianImageFilter
-/// either: it streams in chunks and its progress runs backwards.
-core::Volume gaussian(const core::Volume& volume, double sigma_mm, const core::Progress& progress) {
-  // Beyond a variance of some 100 ITK's Bessel functions no longer sum to
-  // one (at 400 the variance comes out 1.3 % too large). Variances add, so a
-  // wide kernel is a narrow one applied several times.
-  constexpr double largest_variance_voxels = 64.0;
-  struct Pass {
-    unsigned axis;
-    double variance_voxels;
-  };
-  std::vector<Pass> passes;
-  for (unsigned axis = 0; axis < 3; ++axis) {
-    if (volume.dims()[axis] == 1) continue;
-    const double sigma_voxels = sigma_mm / volume.geometry().spacing_mm()[axis];
-    check_width(sigma_mm, sigma_voxels, volume.geometry().spacing_mm()[axis]);
-    const double variance = sigma_voxels * sigma_voxels;
-    const auto count = static_cast<std::size_t>(std::max(1.0, std::ceil(variance / largest_variance_voxels)));
-    passes.insert(passes.end(), count, Pass{axis, variance / static_cast<double>(count)});
+core::Volume run_step(const PreparedStep& step, const core::Volume& volume,
+                      const std::vector<double>& measured, const FilterOptions& options,
+                      std::vector<core::Warning>& warnings, const core::Progress& progress) {
+  const double needed = step.entry->bytes_per_voxel * static_cast<double>(volume.size());
+  if (needed > available_bytes()) throw_memory(step.entry->description, needed);
+  std::vector<core::Warning> found;
+  core::Volume result;
+  try {
+    result = step.entry->apply({volume, step.parameters, options, measured, found, progress});
+  } catch (const std::bad_alloc&) {
+    throw_memory(step.entry->description, needed);
   }
-  if (passes.empty()) return volume;
+  for (core::Warning& warning : found) {
+    const bool known = std::any_of(warnings.begin(), warnings.end(), [&](const auto& other) {
+      return other.code == warning.code && other.text == warning.text;
+    });
+    if (!known) warnings.push_back(std::move(warning));
+  }
+  return result;
+}
 
-  const auto importer = import(volume);
-  Image::Pointer image = importer->GetOutput();
-  for (std::size_t n = 0; n < passes.size(); ++n) {
-    itk::GaussianOperator<double, 3> kernel;
-    kernel.SetDirection(passes[n].axis);
-    kernel.SetVariance(passes[n].variance_voxels);
-    kernel.SetMaximumError(1e-4);       // weight left off at the kernel's ends, before it is normalised
-    kernel.SetMaximumKernelWidth(513);  // never reached under the variance above
-    kernel.CreateDirectional();
-    const auto filter = itk::NeighborhoodOperatorImageFilter<Image, Image, double>::New();
-    filter->SetOperator(kernel);
-    filter->SetInput(image);
-    const auto total = static_cast<double>(passes.size());
-    run(*filter, progress.part(static_cast<double>(n) / total, static_cast<double>(n + 1) / total),
-        "Gaussian filter");
-    image = filter->GetOutput();
-    image->DisconnectPipeline();
-  }
-  return export_with(volume.geometry(), image);
+std::vector<double> measure(const PreparedStep& step, const core::Volume& volume,
+                            const core::Progress& progress) {
+  if (!step.entry->measure) return {};
+  return step.entry->measure(volume, step.parameters, progress);
+}
+
+/// Slices [begin, end) across `axis`, in a volume of their own at the same place.
+core::Volume cut(const core::Volume& volume, std::size_t axis, int begin, int end) {
+  const auto& whole = volume.geometry();
+  if (begin == 0 && end == whole.dims()[axis]) return volume;
+  std::array<int, 3> first{0, 0, 0};
+  std::array<int, 3> dims = whole.dims();
+  first[axis] = begin;
+  dims[axis] = end - begin;
+  const core::ImageGeometry geometry(
+      dims, whole.spacing_mm(), whole.to_lps_mm(Eigen::Vector3i(first[0], first[1], first[2]).cast<double>()),
+      whole.direction());
+  std::vector<float> voxels;
+  voxels.reserve(geometry.voxel_count());
+  for (int k = 0; k < dims[2]; ++k)
+    for (int j = 0; j < dims[1]; ++j) {
+      const float* const row = volume.data() + whole.index(first[0], first[1] + j, first[2] + k);
+      voxels.insert(voxels.end(), row, row + dims[0]);
+    }
+  return {geometry, std::move(voxels)};
+}
+
+core::Progress part_of(const core::Progress& progress, std::size_t n, std::size_t count) {
+  const auto total = static_cast<double>(count);
+  return progress.part(static_cast<double>(n) / total, static_cast<double>(n + 1) / total);
 }
 
 }  // namespace
 
-core::Volume apply_filters(const core::Volume& volume, const std::vector<FilterStep>& chain,
-                           const core::Progress& progress) {
-  std::vector<std::map<std::string, double>> parameters;
-  for (const FilterStep& step : chain) parameters.push_back(complete_parameters(step));
-  if (chain.empty()) return volume;
-  if (volume.empty())
-    throw core::Error(core::ErrorKind::internal, "no-volume",
-                      "A filter was asked for before a volume was read.");
-
-  core::Volume result = volume;
-  for (std::size_t n = 0; n < chain.size(); ++n) {
-    const auto count = static_cast<double>(chain.size());
-    const auto part = progress.part(static_cast<double>(n) / count, static_cast<double>(n + 1) / count);
-    if (chain[n].name == "median")
-      result = median(result, static_cast<int>(parameters[n].at("radius_voxels")), part);
-    else
-      result = gaussian(result, parameters[n].at("sigma_mm"), part);
+FilteredVolume apply_filters(const core::Volume& volume, const std::vector<FilterStep>& chain,
+                             const FilterOptions& options, const core::Progress& progress) {
+  const auto steps = prepare_all(volume, chain);
+  FilteredVolume result{volume, {}};
+  for (std::size_t n = 0; n < steps.size(); ++n) {
+    const auto part = part_of(progress, n, steps.size());
+    const auto measured = measure(steps[n], result.volume, part.part(0.0, 0.02));
+    result.volume = run_step(steps[n], result.volume, measured, options, result.warnings,
+                             part.part(steps[n].entry->measure ? 0.02 : 0.0, 1.0));
   }
   return result;
+}
+
+core::Volume filter_slice(const core::Volume& volume, const std::vector<FilterStep>& chain, int axis,
+                          int index, const FilterOptions& options, const core::Progress& progress) {
+  const auto steps = prepare_all(volume, chain);
+  if (axis < 0 || axis > 2 || index < 0 || index >= volume.dims()[static_cast<std::size_t>(axis)])
+    throw core::Error(core::ErrorKind::internal, "no-slice",
+                      "There is no slice " + std::to_string(index) + " across axis " + std::to_string(axis) +
+                          " in this scan.");
+  const auto across = static_cast<std::size_t>(axis);
+  const int count = volume.dims()[across];
+  // How far each step's input must reach so that the steps after it are right.
+  std::vector<int> halo(steps.size() + 1, 0);
+  for (std::size_t n = steps.size(); n > 0; --n)
+    halo[n - 1] = std::min(
+        count, halo[n] + steps[n - 1].entry->reach(volume.geometry(), steps[n - 1].parameters)[across]);
+
+  int begin = std::max(0, index - halo.front());
+  core::Volume slab = cut(volume, across, begin, std::min(count, index + halo.front() + 1));
+  std::vector<core::Warning> warnings;
+  for (std::size_t n = 0; n < steps.size(); ++n) {
+    const auto part = part_of(progress, n, steps.size());
+    const auto measured = measure(steps[n], n == 0 ? volume : slab, part.part(0.0, 0.1));
+    slab = run_step(steps[n], slab, measured, options, warnings, part.part(0.1, 1.0));
+    const int next = std::max(0, index - halo[n + 1]);
+    const int end = std::min(count, index + halo[n + 1] + 1);
+    slab = cut(slab, across, next - begin, end - begin);
+    begin = next;
+  }
+  return slab;
 }
 
 }  // namespace palpate::imaging

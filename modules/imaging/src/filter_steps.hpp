@@ -1,14 +1,15 @@
 #pragma once
 
-#include "palpate/imaging/filters.hpp"
-
-#include <map>
-#include <string>
+#include "filter_registry.hpp"
 
 namespace palpate::imaging {
 
-/// Every parameter of the step by its full name, defaults filled in.
+/// A step with everything that it needs to run.
+struct PreparedStep {
+  const FilterEntry* entry;
+  FilterParameters parameters;
+};
 /// Throws Error(usage) for a step that no filter accepts.
-std::map<std::string, double> complete_parameters(const FilterStep& step);
+PreparedStep prepare(const FilterStep& step);
 
 }  // namespace palpate::imaging

@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <string_view>
+#include <utility>
 
 namespace palpate::imaging {
 namespace {
@@ -21,7 +22,7 @@ std::string number_text(double value) {
 
 std::string range_text(const FilterParameter& parameter) {
   return (parameter.whole_number ? "a whole number from " : "a number from ") + number_text(parameter.min) +
-         " to " + number_text(parameter.max);
+         " to " + number_text(parameter.max) + (parameter.unit.empty() ? "" : " " + parameter.unit);
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -45,12 +46,12 @@ std::string names_of(const std::vector<FilterParameter>& all) {
   return joined(names);
 }
 
-const FilterDescription& description_of(const std::string& name) {
-  const auto& all = filters();
+const FilterEntry& entry_of(const std::string& name) {
+  const auto& all = filter_entries();
   const auto found =
-      std::find_if(all.begin(), all.end(), [&](const auto& filter) { return filter.name == name; });
+      std::find_if(all.begin(), all.end(), [&](const auto& entry) { return entry.description.name == name; });
   if (found == all.end())
-    core::throw_usage("There is no filter \"" + name + "\"; there are " + names_of(all) + ".");
+    core::throw_usage("There is no filter \"" + name + "\"; there are " + names_of(filters()) + ".");
   return *found;
 }
 
@@ -89,23 +90,9 @@ double parse_value(const FilterDescription& filter, const FilterParameter& param
 
 }  // namespace
 
-const std::vector<FilterDescription>& filters() {
-  static const std::vector<FilterDescription> all{
-      {"median",
-       "Median",
-       "Takes the middle value of a block of voxels: removes speckle, keeps edges.",
-       {{"radius_voxels", "Radius of the block (voxels)", 1.0, 1.0, 8.0, true}}},
-      {"gaussian",
-       "Gaussian",
-       "Averages with a bell-shaped weight: smooths everything, edges too.",
-       {{"sigma_mm", "Standard deviation (mm)", 1.0, 0.01, 20.0, false}}},
-  };
-  return all;
-}
-
 FilterStep parse_filter(const std::string& text) {
   const auto colon = text.find(':');
-  const FilterDescription& filter = description_of(text.substr(0, colon));
+  const FilterDescription& filter = entry_of(text.substr(0, colon)).description;
   FilterStep step{filter.name, {}};
   if (colon == std::string::npos) return step;
   std::size_t begin = colon + 1;
@@ -136,9 +123,10 @@ std::string to_string(const FilterStep& step) {
   return text;
 }
 
-std::map<std::string, double> complete_parameters(const FilterStep& step) {
-  const FilterDescription& filter = description_of(step.name);
-  std::map<std::string, double> complete;
+PreparedStep prepare(const FilterStep& step) {
+  const FilterEntry& entry = entry_of(step.name);
+  const FilterDescription& filter = entry.description;
+  FilterParameters complete;
   for (const auto& [key, value] : step.parameters) {
     const FilterParameter& parameter = parameter_of(filter, key);
     check_value(filter, parameter, value);
@@ -146,7 +134,7 @@ std::map<std::string, double> complete_parameters(const FilterStep& step) {
       core::throw_usage("The filter " + filter.name + " is given " + parameter.name + " twice.");
   }
   for (const auto& parameter : filter.parameters) complete.emplace(parameter.name, parameter.standard);
-  return complete;
+  return {&entry, std::move(complete)};
 }
 
 }  // namespace palpate::imaging

@@ -23,9 +23,10 @@ core::VolumeSequence read_input(const InputSettings& input, const core::Progress
   return sequence;
 }
 
-core::Volume filter_volume(const core::Volume& volume, const std::vector<imaging::FilterStep>& chain,
-                           const core::Progress& progress) {
-  return chain.empty() ? volume : imaging::apply_filters(volume, chain, progress);
+imaging::FilteredVolume filter_volume(const core::Volume& volume,
+                                      const std::vector<imaging::FilterStep>& chain,
+                                      const imaging::FilterOptions& options, const core::Progress& progress) {
+  return imaging::apply_filters(volume, chain, options, progress);
 }
 
 Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress) {

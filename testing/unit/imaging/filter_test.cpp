@@ -19,10 +19,14 @@ using palpate::core::ErrorKind;
 using palpate::core::ImageGeometry;
 using palpate::core::Progress;
 using palpate::core::Volume;
-using palpate::imaging::apply_filters;
 using palpate::imaging::filters;
 using palpate::imaging::FilterStep;
 using palpate::imaging::parse_filter;
+
+Volume apply_filters(const Volume& volume, const std::vector<FilterStep>& chain,
+                     const Progress& progress = {}) {
+  return palpate::imaging::apply_filters(volume, chain, {}, progress).volume;
+}
 
 /// Words without pattern, the same everywhere.
 std::vector<float> scattered(std::size_t count) {
@@ -269,7 +273,7 @@ TEST(ParseFilter, RefusesWhatItDoesNotKnowAndSaysWhatItTakes) {
   EXPECT_THAT(usage_text_of("mean"), HasSubstr("median and gaussian"));
   EXPECT_THAT(usage_text_of(""), HasSubstr("median and gaussian"));
   EXPECT_THAT(usage_text_of("Median"), HasSubstr("median and gaussian"));
-  EXPECT_THAT(usage_text_of("median:sigma=1"), HasSubstr("radius_voxels (a whole number from 1 to 8)"));
+  EXPECT_THAT(usage_text_of("median:sigma=1"), HasSubstr("radius_voxels (a whole number from 1 to 8 voxels)"));
   EXPECT_THAT(usage_text_of("gaussian:sigma_voxels=1"), HasSubstr("sigma_mm"));
   EXPECT_THAT(usage_text_of("median:"), HasSubstr("key=value"));
   EXPECT_THAT(usage_text_of("median:radius"), HasSubstr("key=value"));

@@ -232,7 +232,7 @@ void expect_wall_separates(const Volume& volume, double whole_wall) {
 TEST(Phantom, OtsusThresholdTakesTheWallInOnePiece) {
   // Unfiltered, speckle leaves dark holes in the wall; a median closes them.
   expect_wall_separates(sample().frames[0], 0.82);
-  expect_wall_separates(apply_filters(sample().frames[0], {{"median", {}}}), 0.93);
+  expect_wall_separates(apply_filters(sample().frames[0], {{"median", {}}}).volume, 0.93);
 }
 
 TEST(Phantom, SpeckleScalesWithTheSignalAndIsFinerAlongTheBeam) {
@@ -299,7 +299,7 @@ struct Measured {
 /// As it is done by hand: discs along the axis, their borders found on rays
 /// from the axis to the first bright voxel; thickness in the middle third.
 Measured measured(const Volume& frame) {
-  const Volume smooth = apply_filters(frame, {{"median", {}}});
+  const Volume smooth = apply_filters(frame, {{"median", {}}}).volume;
   const auto& geometry = smooth.geometry();
   constexpr int rays = 48;
   constexpr double step_mm = 0.25;

@@ -36,8 +36,10 @@ struct Estimate {
 /// The hops of docs/house.md in their order; each a function of values. The
 /// command line and the window call the same.
 core::VolumeSequence read_input(const InputSettings& input, const core::Progress& progress = {});
-core::Volume filter_volume(const core::Volume& volume, const std::vector<imaging::FilterStep>& chain,
-                           const core::Progress& progress = {});
+imaging::FilteredVolume filter_volume(const core::Volume& volume,
+                                      const std::vector<imaging::FilterStep>& chain,
+                                      const imaging::FilterOptions& options = {},
+                                      const core::Progress& progress = {});
 Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe,
                          const core::Progress& progress = {});
 BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe,
