@@ -66,20 +66,20 @@ void write_all(int number, const std::string& bytes) {
   }
 }
 
-std::string request_of(const std::vector<std::filesystem::path>& paths, const ReadOptions& options) {
-  nlohmann::json json{{"series_uid", options.series_uid},
-                      {"allow_truncated", options.allow_truncated},
-                      {"orientation", options.orientation},
-                      {"frame_count", options.frame_count}};
+std::string bytes_of(const ReaderRequest& request) {
+  const ReadOptions& options = request.options;
+  nlohmann::json json{{"series_uid", options.series_uid},   {"allow_truncated", options.allow_truncated},
+                      {"orientation", options.orientation}, {"frame_count", options.frame_count},
+                      {"entries", request.entries},         {"thumbnails", request.thumbnails}};
   if (options.frame) json["frame"] = *options.frame;
   if (options.grid_spacing_mm) json["grid_spacing_mm"] = *options.grid_spacing_mm;
   if (options.spacing_mm) json["spacing_mm"] = *options.spacing_mm;
-  std::string request = json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n";
-  for (const auto& path : paths) {
-    request += path.native();
-    request.push_back('\0');
+  std::string bytes = json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n";
+  for (const auto& path : request.paths) {
+    bytes += path.native();
+    bytes.push_back('\0');
   }
-  return request;
+  return bytes;
 }
 
 std::filesystem::path reader_program() {
@@ -157,9 +157,12 @@ pid_t start(ReaderTask task, const ReaderLimits& limits, int request, int messag
   posix_spawnattr_setpgroup(&settings.attributes, 0);
   posix_spawnattr_setflags(&settings.attributes,
                            POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  std::vector<std::string> words{
-      program, task == ReaderTask::read ? "--read" : "--scan", std::to_string(limits.memory_bytes),
-      std::to_string(static_cast<long long>(std::ceil(limits.time_s)) + 1), std::to_string(getpid())};
+  const char* const task_word = task == ReaderTask::read   ? "--read"
+                                : task == ReaderTask::scan ? "--scan"
+                                                           : "--describe";
+  std::vector<std::string> words{program, task_word, std::to_string(limits.memory_bytes),
+                                 std::to_string(static_cast<long long>(std::ceil(limits.time_s)) + 1),
+                                 std::to_string(getpid())};
   std::vector<char*> argv;
   for (auto& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
@@ -222,35 +225,34 @@ const char* advice = " Nothing was opened. Export the scan again, uncompressed, 
        how);
 }
 
-/// The error that a child reports, if its code is one that it may report.
-[[noreturn]] void pass_on(const nlohmann::json& error, const std::filesystem::path& shown) {
-  static const std::array<const char*, 11> known{
-      "not-found", "unsupported", "truncated",      "bad-header", "too-large",    "no-image",
-      "no-volume", "usage",       "several-series", "cancelled",  "reader-memory"};
-  const auto code = error.at("code").get<std::string>();
-  const auto text = plain(error.at("text").get<std::string>(), 4000);
-  const auto details = plain(error.value("details", std::string()), 4000);
-  if (std::find(known.begin(), known.end(), code) == known.end()) fail_crashed(shown, "an unknown answer");
-  if (code == "usage") core::throw_usage(text);
-  if (code == "reader-memory")
-    fail(code, shown,
-         "needs more memory to read than the reader may use. Read a single frame, or export a smaller part "
-         "of the scan.");
-  throw Error(ErrorKind::input, code, text, details);
-}
+/// What was heard from a child, message by message.
+struct Heard {
+  bool answered = false;
+  nlohmann::json result;
+  std::string risk;  ///< what an abort would mean: the file and what is the matter with it
+};
 
-/// Deals with one message; true when it was the result.
-bool understand(const std::string& line, const std::filesystem::path& shown, const core::Progress& progress,
-                nlohmann::json& result) {
+/// Deals with one message.
+void understand(const std::string& line, const std::filesystem::path& shown, const core::Progress& progress,
+                const TakeItem& take_item, Heard& heard) {
   nlohmann::json message;
   double fraction = 0.0;
   std::string what;
   try {
     message = nlohmann::json::parse(line);
-    if (message.contains("error")) pass_on(message.at("error"), shown);
+    if (message.contains("error")) throw error_of(message.at("error"), shown);
     if (message.contains("result")) {
-      result = std::move(message.at("result"));
-      return true;
+      heard.result = std::move(message.at("result"));
+      heard.answered = true;
+      return;
+    }
+    if (message.contains("risk")) {
+      heard.risk = plain(message.at("risk").get<std::string>(), 4000);
+      return;
+    }
+    if (message.contains("item") && take_item) {
+      take_item(message.at("item"));
+      return;
     }
     fraction = message.at("progress").get<double>();
     what = plain(message.at("what").get<std::string>(), 200);
@@ -258,10 +260,9 @@ bool understand(const std::string& line, const std::filesystem::path& shown, con
     fail_crashed(shown, "an answer that makes no sense");
   }
   if (std::isfinite(fraction)) progress.report(fraction, what);
-  return false;
 }
 
-[[noreturn]] void explain_end(int status, const std::filesystem::path& shown) {
+[[noreturn]] void explain_end(int status, const std::filesystem::path& shown, const std::string& risk) {
   if (WIFSIGNALED(status)) {
     const int signal_number = WTERMSIG(status);
     if (signal_number == SIGXCPU)
@@ -271,6 +272,12 @@ bool understand(const std::string& line, const std::filesystem::path& shown, con
            std::string("could not be read: the system ended the reader, most likely for want of memory.") +
                advice);
     const char* name = sigabbrev_np(signal_number);
+    if (!risk.empty())
+      throw Error(
+          ErrorKind::input, "unsupported", risk,
+          "The decoder was ended by " +
+              (name == nullptr ? "signal " + std::to_string(signal_number) : "SIG" + std::string(name)) +
+              ".");
     fail_crashed(shown,
                  name == nullptr ? "signal " + std::to_string(signal_number) : "SIG" + std::string(name));
   }
@@ -279,13 +286,31 @@ bool understand(const std::string& line, const std::filesystem::path& shown, con
 
 }  // namespace
 
-ReaderReply run_reader(ReaderTask task, const std::vector<std::filesystem::path>& paths,
-                       const std::filesystem::path& shown, const ReadOptions& options,
-                       const core::Progress& progress, const ReaderLimits& limits) {
+core::Error error_of(const nlohmann::json& error, const std::filesystem::path& shown) {
+  static const std::array<const char*, 11> known{
+      "not-found", "unsupported", "truncated",      "bad-header", "too-large",    "no-image",
+      "no-volume", "usage",       "several-series", "cancelled",  "reader-memory"};
+  const auto code = error.at("code").get<std::string>();
+  const auto text = plain(error.at("text").get<std::string>(), 4000);
+  const auto details = plain(error.value("details", std::string()), 4000);
+  if (std::find(known.begin(), known.end(), code) == known.end()) fail_crashed(shown, "an unknown answer");
+  if (code == "usage") return {ErrorKind::usage, code, text};
+  if (code == "reader-memory")
+    return {
+        ErrorKind::input, code,
+        shown.string() +
+            " needs more memory to read than the reader may use. Read a single frame, or export a smaller "
+            "part of the scan."};
+  return {ErrorKind::input, code, text, details};
+}
+
+ReaderReply run_reader(const ReaderRequest& request, const core::Progress& progress,
+                       const ReaderLimits& limits, const TakeItem& take_item) {
   progress.cancel().check();
-  Descriptor request = memory_file("palpate-request");
-  write_all(request.number(), request_of(paths, options));
-  lseek(request.number(), 0, SEEK_SET);
+  const std::filesystem::path& shown = request.shown;
+  Descriptor question = memory_file("palpate-request");
+  write_all(question.number(), bytes_of(request));
+  lseek(question.number(), 0, SEEK_SET);
   ReaderReply reply;
   reply.voxels = memory_file("palpate-voxels");
   std::array<int, 2> ends{};
@@ -296,11 +321,11 @@ ReaderReply run_reader(ReaderTask task, const std::vector<std::filesystem::path>
   fcntl(to_parent.number(), F_SETFL, 0);
 
   const auto deadline = Clock::now() + std::chrono::duration<double>(limits.time_s);
-  Child child(start(task, limits, request.number(), to_parent.number(), reply.voxels.number()));
+  Child child(start(request.task, limits, question.number(), to_parent.number(), reply.voxels.number()));
   to_parent.reset();
   Talk talk(from_child.number());
+  Heard heard;
   bool open = true;
-  bool answered = false;
   try {
     for (bool alive = true; alive;) {
       constexpr int pause_ms = 20;  // how late a cancellation may be seen
@@ -309,8 +334,7 @@ ReaderReply run_reader(ReaderTask task, const std::vector<std::filesystem::path>
       progress.cancel().check();
       alive = !child.ended();  // before the last look, so that nothing it said is missed
       if (open) open = talk.take();
-      for (std::string line; talk.next(line);)
-        answered = understand(line, shown, progress, reply.result) || answered;
+      for (std::string line; talk.next(line);) understand(line, shown, progress, take_item, heard);
       if (alive && Clock::now() > deadline)
         fail("reader-timeout", shown,
              "was not read within " + std::to_string(static_cast<long long>(limits.time_s)) + " s." + advice);
@@ -319,7 +343,9 @@ ReaderReply run_reader(ReaderTask task, const std::vector<std::filesystem::path>
     fail_crashed(shown, "an endless answer");
   }
   const int status = child.end();
-  if (!answered || !WIFEXITED(status) || WEXITSTATUS(status) != 0) explain_end(status, shown);
+  if (!heard.answered || !WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    explain_end(status, shown, heard.risk);
+  reply.result = std::move(heard.result);
   return reply;
 }
 

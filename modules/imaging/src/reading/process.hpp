@@ -1,11 +1,14 @@
 #pragma once
 
+#include "palpate/core/error.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/imaging/reader.hpp"
 
 #include <nlohmann/json.hpp>
 
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -36,18 +39,37 @@ class Descriptor {
   int number_ = -1;
 };
 
-enum class ReaderTask { read, scan };
+enum class ReaderTask {
+  read,     ///< one volume: its voxels, shared
+  scan,     ///< a glance at each DICOM header
+  describe  ///< what would be opened, entry by entry, without its pixels
+};
+
+/// What a child is asked for.
+struct ReaderRequest {
+  ReaderTask task = ReaderTask::read;
+  std::vector<std::filesystem::path> paths;
+  std::filesystem::path shown;  ///< what errors name
+  ReadOptions options;
+  std::vector<std::size_t> entries;  ///< describe: how many of the paths belong to each entry, in order
+  bool thumbnails = false;           ///< describe: one picture of each, too
+};
 
 struct ReaderReply {
   nlohmann::json result;
   Descriptor voxels;
 };
 
-/// Runs palpate-reader on the paths and waits for it; `shown` is the path that
-/// errors name. Whatever becomes of the child, it is gone when this returns.
-/// Throws as imaging::read says.
-ReaderReply run_reader(ReaderTask task, const std::vector<std::filesystem::path>& paths,
-                       const std::filesystem::path& shown, const ReadOptions& options,
-                       const core::Progress& progress, const ReaderLimits& limits);
+/// Is given what a child says of one entry before it has done with all.
+using TakeItem = std::function<void(const nlohmann::json& item)>;
+
+/// Runs palpate-reader on the request and waits for it. Whatever becomes of
+/// the child, it is gone when this returns. Throws as imaging::read says.
+ReaderReply run_reader(const ReaderRequest& request, const core::Progress& progress,
+                       const ReaderLimits& limits, const TakeItem& take_item = {});
+
+/// The error that a child sent about what `shown` names. Throws nlohmann's
+/// exceptions where it is none.
+core::Error error_of(const nlohmann::json& error, const std::filesystem::path& shown);
 
 }  // namespace palpate::imaging::reading

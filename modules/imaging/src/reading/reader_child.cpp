@@ -2,6 +2,7 @@
 #include "info_json.hpp"
 #include "parsed.hpp"
 #include "process.hpp"
+#include "small_picture.hpp"
 #include "text_header.hpp"
 
 #include "palpate/core/error.hpp"
@@ -65,12 +66,7 @@ void take_limits(std::size_t memory_bytes, long long cpu_s) {
 #endif
 }
 
-struct Request {
-  ReadOptions options;
-  std::vector<std::filesystem::path> paths;
-};
-
-Request take_request() {
+ReaderRequest take_request(ReaderTask task) {
   std::string bytes;
   std::array<char, 65536> block{};
   for (;;) {
@@ -79,13 +75,16 @@ Request take_request() {
     if (count <= 0) break;
     bytes.append(block.data(), static_cast<std::size_t>(count));
   }
-  Request request;
+  ReaderRequest request;
+  request.task = task;
   const auto line_end = bytes.find('\n');
   const auto json = nlohmann::json::parse(bytes.substr(0, line_end));
   request.options.series_uid = json.at("series_uid").get<std::string>();
   request.options.allow_truncated = json.at("allow_truncated").get<bool>();
   request.options.orientation = json.at("orientation").get<std::string>();
   request.options.frame_count = json.at("frame_count").get<int>();
+  request.entries = json.at("entries").get<std::vector<std::size_t>>();
+  request.thumbnails = json.at("thumbnails").get<bool>();
   if (json.contains("grid_spacing_mm"))
     request.options.grid_spacing_mm = json.at("grid_spacing_mm").get<double>();
   if (json.contains("frame")) request.options.frame = json.at("frame").get<int>();
@@ -97,6 +96,13 @@ Request take_request() {
     from = to + 1;
   }
   return request;
+}
+
+std::optional<ReaderTask> task_of(const std::string& word) {
+  if (word == "--read") return ReaderTask::read;
+  if (word == "--scan") return ReaderTask::scan;
+  if (word == "--describe") return ReaderTask::describe;
+  return std::nullopt;
 }
 
 std::shared_ptr<float> shared_voxels(std::size_t count) {
@@ -115,18 +121,88 @@ core::Progress progress_to_parent() {
       {});
 }
 
-void do_read(const Request& request, std::size_t memory_bytes) {
+/// Tells the parent what to say should the process die from here on.
+void tell_risk(const std::filesystem::path& path, const std::string& text) {
+  send({{"risk", text.empty() ? std::string() : path.string() + " " + text}});
+}
+
+nlohmann::json error_json(const core::Error& error) {
+  return {{"code", error.code()}, {"text", error.what()}, {"details", error.details()}};
+}
+
+/// What a library throws is told in words of this program.
+core::Error unexpected(const std::filesystem::path& path, const std::exception& error) {
+  return {core::ErrorKind::input, "unsupported",
+          path.string() + " cannot be read. Export the scan again, or as MetaImage or NRRD.", error.what()};
+}
+
+Parsed parse(const std::vector<std::filesystem::path>& paths, const Context& context) {
+  return paths.size() == 1 ? parse_file(paths.front(), context) : parse_dicom(paths, context);
+}
+
+void do_read(const ReaderRequest& request, std::size_t memory_bytes) {
   const core::Progress progress = progress_to_parent();
-  const Context context{request.options, progress, shared_voxels, memory_bytes};
-  const Parsed parsed = request.paths.size() == 1 ? parse_file(request.paths.front(), context)
-                                                  : parse_dicom(request.paths, context);
+  const Context context{request.options, progress, shared_voxels, memory_bytes, false, tell_risk};
+  const Parsed parsed = parse(request.paths, context);
   send({{"result",
          {{"volume", to_json(parsed.info)},
           {"first_frame", parsed.first_frame},
           {"kept_frames", parsed.kept_frames}}}});
 }
 
-void do_scan(const Request& request) {
+std::shared_ptr<float> own_voxels(std::size_t count) {
+  const auto owner = std::make_shared<std::vector<float>>(count);
+  return {owner, owner->data()};
+}
+
+/// A picture of the entry's middle, as an item of its own: decoding it may end the process.
+void send_thumbnail(const std::vector<std::filesystem::path>& paths, int frames, const ReaderRequest& request,
+                    std::size_t memory_bytes) {
+  ReadOptions options = request.options;
+  options.frame = paths.size() == 1 ? frames / 2 : 0;
+  const core::Progress silent;
+  const Context context{options, silent, own_voxels, memory_bytes, false, tell_risk};
+  try {
+    const Parsed parsed = parse({paths[paths.size() / 2]}, context);
+    const SmallPicture picture = small_picture(parsed.voxels.get(), parsed.info.geometry);
+    send({{"item",
+           {{"width", picture.width_px}, {"height", picture.height_px}, {"grey", hex_of(picture.grey)}}}});
+  } catch (const core::Error& error) {
+    send({{"item", {{"picture_error", error_json(error)}}}});
+  } catch (const std::exception& error) {
+    if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) throw;
+    send({{"item", {{"picture_error", error_json(unexpected(paths.front(), error))}}}});
+  }
+  tell_risk({}, {});
+}
+
+void do_describe(const ReaderRequest& request, std::size_t memory_bytes) {
+  const core::Progress silent;
+  const Context context{request.options, silent, own_voxels, memory_bytes, true, tell_risk};
+  std::size_t from = 0;
+  for (const std::size_t count : request.entries) {
+    const std::vector<std::filesystem::path> paths(
+        request.paths.begin() + static_cast<std::ptrdiff_t>(from),
+        request.paths.begin() + static_cast<std::ptrdiff_t>(from + count));
+    from += count;
+    int frames = 0;
+    try {
+      const core::VolumeInfo info = parse(paths, context).info;
+      frames = info.frames;
+      send({{"item", {{"volume", to_json(info)}}}});
+    } catch (const core::Error& error) {
+      send({{"item", {{"error", error_json(error)}}}});
+    } catch (const std::exception& error) {
+      if (dynamic_cast<const std::bad_alloc*>(&error) != nullptr) throw;
+      send({{"item", {{"error", error_json(unexpected(paths.front(), error))}}}});
+    }
+    tell_risk({}, {});
+    if (frames > 0 && request.thumbnails) send_thumbnail(paths, frames, request, memory_bytes);
+  }
+  send({{"result", nlohmann::json::object()}});
+}
+
+void do_scan(const ReaderRequest& request) {
   nlohmann::json files = nlohmann::json::array();
   for (const auto& path : request.paths) {
     const DicomGlance seen = glance(path);
@@ -146,12 +222,8 @@ void do_scan(const Request& request) {
 
 core::VolumeSequence parse_unprotected(const std::filesystem::path& path, const ReadOptions& options,
                                        const core::Progress& progress) {
-  const reading::AllocateVoxels on_heap = [](std::size_t count) {
-    const auto owner = std::make_shared<std::vector<float>>(count);
-    return std::shared_ptr<float>(owner, owner->data());
-  };
   reading::Parsed parsed =
-      reading::parse_file(path, {options, progress, on_heap, ReaderLimits{}.memory_bytes});
+      reading::parse_file(path, {options, progress, reading::own_voxels, ReaderLimits{}.memory_bytes});
   core::VolumeSequence sequence;
   sequence.first_frame = parsed.first_frame;
   const std::size_t frame_voxels = parsed.info.geometry.voxel_count();
@@ -172,8 +244,8 @@ int reader_main(int argc, char** argv) {
   const auto memory = words.size() == 5 ? whole_number(words[2]) : std::nullopt;
   const auto cpu_s = words.size() == 5 ? whole_number(words[3]) : std::nullopt;
   const auto parent = words.size() == 5 ? whole_number(words[4]) : std::nullopt;
-  if (!memory || !cpu_s || !parent || *memory < 1 || *cpu_s < 1 ||
-      (words[1] != "--read" && words[1] != "--scan")) {
+  const auto task = words.size() == 5 ? task_of(words[1]) : std::nullopt;
+  if (!task || !memory || !cpu_s || !parent || *memory < 1 || *cpu_s < 1) {
     std::cerr << "palpate-reader is started by Palpate to read files; it is of no use by itself.\n";
     return usage;
   }
@@ -184,20 +256,19 @@ int reader_main(int argc, char** argv) {
   take_limits(static_cast<std::size_t>(*memory), *cpu_s);
   std::set_new_handler(out_of_memory);
   try {
-    const Request request = take_request();
-    if (words[1] == "--scan")
+    const ReaderRequest request = take_request(*task);
+    if (*task == ReaderTask::scan)
       do_scan(request);
+    else if (*task == ReaderTask::describe)
+      do_describe(request, static_cast<std::size_t>(*memory));
     else
       do_read(request, static_cast<std::size_t>(*memory));
   } catch (const core::Error& error) {
-    send({{"error", {{"code", error.code()}, {"text", error.what()}, {"details", error.details()}}}});
+    send({{"error", error_json(error)}});
   } catch (const std::bad_alloc&) {
     out_of_memory();
   } catch (const std::exception& error) {
-    send({{"error",
-           {{"code", "unsupported"},
-            {"text", "The file cannot be read. Export the scan again, or as MetaImage or NRRD."},
-            {"details", error.what()}}}});
+    send({{"error", error_json(unexpected("The file", error))}});
   }
   // The libraries' own clean-up is one more place to crash in.
   std::_Exit(0);

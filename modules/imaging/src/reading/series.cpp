@@ -40,8 +40,11 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
   try {
     const Files part(files.begin() + static_cast<std::ptrdiff_t>(from),
                      files.begin() + static_cast<std::ptrdiff_t>(to));
-    const ReaderReply reply =
-        run_reader(ReaderTask::scan, part, part.front(), {}, core::Progress({}, progress.cancel()), limits);
+    ReaderRequest request;
+    request.task = ReaderTask::scan;
+    request.paths = part;
+    request.shown = part.front();
+    const ReaderReply reply = run_reader(request, core::Progress({}, progress.cancel()), limits);
     const auto& list = reply.result.at("files");
     if (list.size() != part.size())
       fail("reader-crashed", part.front(), "was not opened: the reader's answer makes no sense.");
@@ -123,6 +126,17 @@ Survey look_through(const std::vector<fs::path>& paths, const core::Progress& pr
   }
   group(candidates, seen, survey);
   return survey;
+}
+
+std::vector<Entry> entries_of(const Survey& survey, const std::string& series_uid) {
+  std::vector<Entry> entries;
+  for (const auto& series : survey.series)
+    if (series_uid.empty() || series.uid == series_uid)
+      entries.push_back({series.files,
+                         series.files.size() == 1 ? series.files.front() : series.files.front().parent_path(),
+                         true, series.image, series.uid, series.modality, series.size});
+  for (const auto& path : survey.others) entries.push_back({{path}, path, false, true, {}, {}, {}});
+  return entries;
 }
 
 }  // namespace palpate::imaging::reading

@@ -1,10 +1,12 @@
 #pragma once
 
 #include "palpate/core/error.hpp"
+#include "palpate/core/picture.hpp"
 #include "palpate/core/progress.hpp"
 #include "palpate/imaging/reader.hpp"
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +32,43 @@ struct Survey {
 /// child processes; a file that ends one is found by halving and set apart.
 Survey look_through(const std::vector<std::filesystem::path>& paths, const core::Progress& progress,
                     const ReaderLimits& limits);
+
+/// What is read together, and the path that stands for it.
+struct Entry {
+  std::vector<std::filesystem::path> files;
+  std::filesystem::path shown;
+  bool dicom = false;
+  bool image = true;                ///< not so: DICOM without pictures
+  std::string uid, modality, size;  ///< by a glance; DICOM only
+};
+/// The series (only those of this name, where there is one), then the other files.
+std::vector<Entry> entries_of(const Survey& survey, const std::string& series_uid);
+
+/// What an entry would open as.
+struct Description {
+  std::optional<core::VolumeInfo> info;
+  core::Picture thumbnail;           ///< empty where it was not wanted or cannot be made
+  std::optional<core::Error> error;  ///< why it will not open, as far as can be told
+};
+/// Looks at the headers of the entries, and at one picture of each where
+/// `thumbnails`, in child processes. One that ends its child costs only itself.
+/// Throws Error(cancelled), Error(input, "reader-missing").
+std::vector<Description> describe(const std::vector<Entry>& entries, const ReadOptions& options,
+                                  bool thumbnails, const core::Progress& progress,
+                                  const ReaderLimits& limits);
+
+/// What `read` would take: the files of the one series that the folder holds
+/// or that the options name, and what is to be said of the others.
+struct FoundScan {
+  Entry entry;
+  std::vector<core::Warning> warnings;
+};
+/// Throws as read().
+FoundScan find_scan(const std::filesystem::path& path, const ReadOptions& options,
+                    const core::Progress& progress, const ReaderLimits& limits);
+/// Throws where the series is not the one that the options name.
+void check_series(const core::VolumeInfo& info, const std::filesystem::path& path,
+                  const ReadOptions& options);
 
 /// Reads these files as one volume; errors name `shown`.
 core::VolumeSequence read_paths(const std::vector<std::filesystem::path>& paths,

@@ -59,6 +59,11 @@ struct InputReport {
 std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths,
                                  const ReadOptions& options = {}, const core::Progress& progress = {},
                                  const ReaderLimits& limits = {});
+/// The same by the headers alone, in seconds where there are thousands of
+/// files: no pixels are decoded, min, max and mean are 0.
+std::vector<InputReport> inspect_headers(const std::vector<std::filesystem::path>& paths,
+                                         const ReadOptions& options = {}, const core::Progress& progress = {},
+                                         const ReaderLimits& limits = {});
 
 /// What a folder offers to choose from, told without decoding more than one
 /// picture of each series.
