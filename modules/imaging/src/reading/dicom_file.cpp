@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <dcmtk/config/osconfig.h>
 #include <dcmtk/dcmdata/dcdeftag.h>
 #include <dcmtk/dcmdata/dcdict.h>
@@ -78,6 +77,7 @@ class WatchedStream : public DcmInputFileStream {
 /// How DCMTK reads in this program: forgiving, and without a word on the terminal.
 void prepare_dcmtk(bool ignore_errors) {
   OFLog::configure(OFLogger::OFF_LOG_LEVEL);
+  dcmIgnoreFileMetaInformationGroupLength.set(OFTrue);
   dcmAutoDetectDatasetXfer.set(OFTrue);
   dcmAcceptUnexpectedImplicitEncoding.set(OFTrue);
   dcmReplaceWrongDelimitationItem.set(OFTrue);
@@ -85,18 +85,53 @@ void prepare_dcmtk(bool ignore_errors) {
   dcmIgnoreParsingErrors.set(ignore_errors ? OFTrue : OFFalse);
 }
 
-bool begins_as_dicom(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::array<char, 132> start{};
-  file.read(start.data(), start.size());
-  return file.gcount() == 132 && std::memcmp(start.data() + 128, "DICM", 4) == 0;
-}
-
 std::uint32_t number_of(const std::uint8_t* bytes, std::size_t count, bool big_endian) {
   std::uint32_t value = 0;
   for (std::size_t n = 0; n < count; ++n)
     value |= std::uint32_t{bytes[n]} << (8 * (big_endian ? count - 1 - n : n));
   return value;
+}
+
+/// Whether `count` elements of rising tags follow each other from here.
+bool elements_at(const std::vector<std::uint8_t>& bytes, std::size_t at, int count, bool explicit_vr) {
+  std::uint32_t before = 0;
+  for (; count > 0; --count) {
+    if (at + 8 > bytes.size()) return false;
+    const std::uint32_t group = number_of(&bytes[at], 2, false);
+    const std::uint32_t tag = group << 16 | number_of(&bytes[at + 2], 2, false);
+    if ((group != 0x0002 && group != 0x0008) || tag <= before) return false;
+    before = tag;
+    const auto letter = [&](std::size_t n) { return bytes[n] >= 'A' && bytes[n] <= 'Z'; };
+    if (explicit_vr && (!letter(at + 4) || !letter(at + 5))) return false;
+    at += 8 + (explicit_vr ? number_of(&bytes[at + 6], 2, false) : number_of(&bytes[at + 4], 4, false));
+  }
+  return true;
+}
+
+struct Beginning {
+  bool found = false;
+  bool marked = false;       ///< by the letters DICM
+  std::uint64_t before = 0;  ///< bytes that do not belong to it
+};
+
+/// Some files have stray bytes before them, or before their DICM.
+Beginning beginning_of(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<std::uint8_t> start(4096);
+  file.read(reinterpret_cast<char*>(start.data()), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<std::size_t>(std::max<std::streamsize>(0, file.gcount())));
+  constexpr std::size_t preamble = 128;
+  static constexpr std::array<std::uint8_t, 4> magic{'D', 'I', 'C', 'M'};
+  if (start.size() > preamble + 4 && std::equal(magic.begin(), magic.end(), start.begin() + preamble))
+    return {true, true, 0};
+  if (may_be_dicom(path)) return {true, false, 0};
+  const auto found = std::search(start.begin(), start.end(), magic.begin(), magic.end());
+  const auto behind = static_cast<std::size_t>(found - start.begin()) + 4;
+  if (found != start.end() && elements_at(start, behind, 2, true)) return {true, true, behind};
+  constexpr std::size_t furthest = 256;
+  for (std::size_t n = 1; n < std::min(furthest, start.size()); ++n)
+    if (elements_at(start, n, 4, true) || elements_at(start, n, 4, false)) return {true, false, n};
+  return {};
 }
 
 struct ElementStart {
@@ -155,14 +190,18 @@ void pass_fragments(WatchedStream& stream, DicomPixelPlace& place) {
 
 }  // namespace
 
-/// Fills a DicomFile. One attempt is strict, and where that fails another that
-/// goes on behind errors.
+/// Fills a DicomFile. One attempt is strict, and where that fails another goes
+/// on behind what is damaged.
 class DicomFile::Loader {
  public:
-  explicit Loader(DicomFile& file) : file_(file), stream_(file.path_) {}
+  Loader(DicomFile& file, std::uint64_t before, bool mend) : file_(file), stream_(file.path_), mend_(mend) {
+    prepare_dcmtk(mend);
+    stream_.pass(before);
+  }
 
   /// Whether the header was read to its end.
   bool load() {
+    const DcmTagKey pixel_group(0x7FE0, 0x0008);
     file_.format_ = std::make_unique<DcmFileFormat>();
     file_.pixels_ = {};
     DcmMetaInfo& meta = *file_.format_->getMetaInfo();
@@ -172,17 +211,16 @@ class DicomFile::Loader {
     if (!stream_.good() || meta.read(stream_, EXS_Unknown, EGL_noChange, longest_kept_value).bad())
       return false;
     file_.transfer_syntax_ = DicomItem(meta).text({0x0002, 0x0010});
+    const bool named = !file_.transfer_syntax_.empty();
     const DcmXfer stated(file_.transfer_syntax_.c_str());
-    file_.deflated_from_ = stated.getStreamCompression() == ESC_zlib ? stream_.place() : 0;
+    const E_TransferSyntax form = named ? stated.getXfer() : EXS_Unknown;
+    file_.deflated_from_ = named && stated.getStreamCompression() == ESC_zlib ? stream_.place() : 0;
     // Of what DCMTK does not know it finds out byte order and form by itself.
-    const bool good = dataset
-                          .readUntilTag(stream_, stated.getXfer(), EGL_noChange, longest_kept_value,
-                                        DcmTagKey(0x7FE0, 0x0008))
-                          .good();
+    bool good = dataset.readUntilTag(stream_, form, EGL_noChange, longest_kept_value, pixel_group).good();
     const DcmXfer found(dataset.getOriginalXfer());
-    if (stated.getXfer() == EXS_Unknown && file_.transfer_syntax_.empty() && found.getXferID() != nullptr)
-      file_.transfer_syntax_ = found.getXferID();
+    if (!named && found.getXferID() != nullptr) file_.transfer_syntax_ = found.getXferID();
     file_.big_endian_ = found.getByteOrder() == EBO_BigEndian;
+    while (mend_ && pass_stray_item()) good = read_part(found.getXfer(), pixel_group);
     if (!good) return false;
     take_pixels(found);
     read_rest(found.getXfer());
@@ -219,30 +257,57 @@ class DicomFile::Loader {
   /// Vendors put whole volumes behind the pixels; what is broken there is left.
   void read_rest(E_TransferSyntax form) {
     if (stream_.eos() || !stream_.good()) return;
-    DcmDataset rest;
-    rest.transferInit();
-    rest.DcmItem::readUntilTag(stream_, form, EGL_noChange, longest_kept_value, DCM_UndefinedTagKey);
-    while (rest.card() > 0) {
-      DcmElement* element = rest.remove(0UL);
-      if (element == nullptr) return;
+    read_part(form, DCM_UndefinedTagKey);
+  }
+
+  /// Reads on from here; the elements become part of the dataset.
+  bool read_part(E_TransferSyntax form, const DcmTagKey& until) {
+    DcmDataset part;
+    part.transferInit();
+    const bool good =
+        part.DcmItem::readUntilTag(stream_, form, EGL_noChange, longest_kept_value, until).good();
+    while (part.card() > 0) {
+      DcmElement* element = part.remove(0UL);
+      if (element == nullptr) break;
       if (file_.format_->getDataset()->insert(element, OFFalse).bad()) delete element;
     }
+    return good;
+  }
+
+  /// Items whose sequence was taken away are left out with what they hold.
+  bool pass_stray_item() {
+    constexpr std::uint64_t item_start = 8;
+    if (!stream_.good() || stream_.eos() || stream_.place() - stream_.marked_at() > 12) return false;
+    stream_.putback();
+    stream_.mark();
+    std::array<std::uint8_t, item_start> head{};
+    if (!stream_.read_all(head.data(), head.size())) return false;
+    const bool big = file_.big_endian_;
+    const std::uint32_t element = number_of(head.data() + 2, 2, big);
+    const std::uint32_t length = number_of(head.data() + 4, 4, big);
+    if (number_of(head.data(), 2, big) != 0xFFFE) {
+      stream_.putback();
+      return false;
+    }
+    if (element == 0xE000 && length != undefined_length) return stream_.pass(length) == length;
+    return element == 0xE000 || element == 0xE00D || element == 0xE0DD;
   }
 
   DicomFile& file_;
   WatchedStream stream_;
+  bool mend_;
 };
 
 DicomFile::DicomFile(const std::filesystem::path& path) : path_(path) {
-  const bool marked = begins_as_dicom(path);
-  if (!marked && !may_be_dicom(path))
+  const Beginning beginning = beginning_of(path);
+  if (!beginning.found)
     fail("unsupported", path, "is no DICOM file. Export the scan again, or as MetaImage or NRRD.");
   bool whole = false;
   bool ended = false;
-  for (const bool ignore_errors : {false, true}) {
+  for (const bool mend : {false, true}) {
     if (whole) break;
-    prepare_dcmtk(ignore_errors);
-    Loader loader(*this);
+    Loader loader(*this, beginning.before, mend);
+    mended_ = mend;
     whole = loader.load();
     ended = loader.at_end();
     if (loader.stream().stop() == WatchedStream::Stop::depth)
@@ -257,7 +322,7 @@ DicomFile::DicomFile(const std::filesystem::path& path) : path_(path) {
   const DicomItem data = dataset();
   const bool known = data.has({0x0008, 0x0016}) || data.has({0x0008, 0x0018}) || data.has({0x0008, 0x0060}) ||
                      data.has({0x0028, 0x0010});
-  if (!known && (!marked || format_->getDataset()->card() == 0))
+  if (!known && (!beginning.marked || format_->getDataset()->card() == 0))
     fail("unsupported", path, "is no DICOM file that can be read. Export it again, or as MetaImage or NRRD.");
   if (whole || pixels_.kind != DicomPixelPlace::Kind::none) return;
   if (ended) fail("truncated", path, "ends within its header. It was cut off: copy or export it again.");

@@ -84,6 +84,8 @@ class DicomFile {
   const DicomPixelPlace& pixels() const { return pixels_; }
   /// That many bytes from an offset of pixels(), or fewer where the file ends.
   std::vector<std::uint8_t> read(std::uint64_t offset, std::size_t count) const;
+  /// Parts of the header were damaged and left out.
+  bool mended() const { return mended_; }
   DcmFileFormat& format() const { return *format_; }
   /// Whether names and types of the tags are known: without the dictionary
   /// (an incomplete installation) implicit files are read by guesses.
@@ -95,6 +97,7 @@ class DicomFile {
   std::unique_ptr<DcmFileFormat> format_;
   std::string transfer_syntax_;
   bool big_endian_ = false;
+  bool mended_ = false;
   std::uint64_t deflated_from_ = 0;  ///< where the deflated part begins; 0 where none
   DicomPixelPlace pixels_;
 };
