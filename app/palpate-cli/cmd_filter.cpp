@@ -29,10 +29,12 @@ int print_list(const Call& call) {
       one["min"] = parameter.min;
       one["max"] = parameter.max;
       one["whole_number"] = parameter.whole_number;
+      one["unit"] = parameter.unit;
       parameters.push_back(one);
+      const std::string unit = parameter.unit.empty() ? "" : " " + parameter.unit;
       table.emplace_back(parameter.name, parameter.text + ", " + shown(parameter.min) + " to " +
-                                             shown(parameter.max) + " (default " + shown(parameter.standard) +
-                                             ")");
+                                             shown(parameter.max) + unit + " (default " +
+                                             shown(parameter.standard) + ")");
     }
     Json object;
     object["name"] = filter.name;

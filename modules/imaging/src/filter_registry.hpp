@@ -45,6 +45,15 @@ struct FilterEntry {
 const std::vector<FilterEntry>& filter_entries();
 
 FilterEntry median_entry();
+FilterEntry mean_entry();
 FilterEntry gaussian_entry();
+FilterEntry bilateral_entry();
+FilterEntry gradient_diffusion_entry();
+FilterEntry curvature_diffusion_entry();
+FilterEntry curvature_flow_entry();
+FilterEntry patch_denoise_entry();
+
+/// Over the axes that have more than one voxel.
+double smallest_spacing_mm(const core::ImageGeometry& geometry);
 
 }  // namespace palpate::imaging
