@@ -1,5 +1,7 @@
 #include "palpate/imaging/writer.hpp"
 
+#include "writer_enhanced_us.hpp"
+
 #include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 
@@ -15,6 +17,7 @@
 #include <cstdint>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <string>
 #include <utility>
@@ -26,7 +29,7 @@ namespace fs = std::filesystem;
 using core::AtomicOutput;
 using core::output_error;
 
-constexpr std::array<const char*, 5> endings{".mha", ".mhd", ".nrrd", ".nii.gz", ".nii"};
+constexpr std::array<const char*, 6> endings{".mha", ".mhd", ".nrrd", ".nii.gz", ".nii", ".dcm"};
 
 std::string ending_of(const fs::path& path) {
   std::string name = path.filename().string();
@@ -36,7 +39,7 @@ std::string ending_of(const fs::path& path) {
     if (name.size() > ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0)
       return ending;
   core::throw_usage("Cannot tell the format of " + path.string() +
-                    " by its ending; it must be .mha, .mhd, .nrrd, .nii or .nii.gz.");
+                    " by its ending; it must be .mha, .mhd, .nrrd, .nii, .nii.gz or .dcm.");
 }
 
 itk::ImageIOBase::Pointer io_for(const std::string& ending) {
@@ -169,6 +172,13 @@ void check(const std::vector<core::Volume>& frames, double frame_spacing_s, cons
                       "\"; there are float32 and uint8.");
   if (!std::isfinite(frame_spacing_s) || frame_spacing_s < 0.0)
     core::throw_usage("The time between frames must be a number of seconds, zero or more.");
+  const auto& times = options.frame_times_s;
+  const bool rising =
+      std::adjacent_find(times.begin(), times.end(), std::greater_equal<>()) == times.end() &&
+      std::all_of(times.begin(), times.end(), [](double time) { return std::isfinite(time); });
+  if (!times.empty() && (times.size() != frames.size() || !rising))
+    core::throw_usage(
+        "The frames' times must be as many as the frames, in seconds, each later than the last.");
   const auto differs = [&](const core::Volume& frame) {
     return frame.empty() || !(frame.geometry() == frames.front().geometry());
   };
@@ -176,6 +186,19 @@ void check(const std::vector<core::Volume>& frames, double frame_spacing_s, cons
     throw core::Error(
         core::ErrorKind::internal, "frames-differ",
         "Frames can be written into one file only when there are some and all have the same geometry.");
+}
+
+/// One a frame, counted from the first, or none where nothing is known.
+std::vector<double> times_of(std::size_t frames, double frame_spacing_s, const WriteOptions& options) {
+  std::vector<double> times;
+  if (frames < 2) return times;
+  for (std::size_t n = 0; n < frames; ++n) {
+    if (!options.frame_times_s.empty())
+      times.push_back(options.frame_times_s[n] - options.frame_times_s.front());
+    else if (frame_spacing_s > 0.0)
+      times.push_back(frame_spacing_s * static_cast<double>(n));
+  }
+  return times;
 }
 
 }  // namespace
@@ -197,7 +220,12 @@ void write(const fs::path& path, const std::vector<core::Volume>& frames, double
   std::string name = output.target().filename().string();
   name.replace(name.size() - ending.size(), ending.size(), ending);
   const fs::path staged = output.staged(name);
-  write_staged(output, staged, ending, frames, frame_spacing_s, options);
+  const auto times = times_of(frames.size(), frame_spacing_s, options);
+  if (ending == ".dcm")
+    write_enhanced_us_volume(staged, output.target(), frames, times, options, progress);
+  else
+    write_staged(output, staged, ending, frames,
+                 times.empty() ? 0.0 : times.back() / static_cast<double>(times.size() - 1), options);
   progress.report(1.0, what);  // the last place to stop: from here it is put in place whole
   // The header goes last: while it is not there, nobody looks for its data.
   if (ending == ".mhd")

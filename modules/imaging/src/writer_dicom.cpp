@@ -1,3 +1,5 @@
+#include "dicom_values.hpp"
+
 #include "palpate/core/atomic_output.hpp"
 #include "palpate/core/error.hpp"
 #include "palpate/imaging/writer.hpp"
@@ -10,8 +12,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
@@ -36,72 +36,6 @@ using core::output_error;
 
 constexpr const char* mr_image_class = "1.2.840.10008.5.1.4.1.1.4";
 
-/// 128 bits of the content, by FNV-1a's scheme with a final mixing.
-class ContentHash {
- public:
-  void add(const void* data, std::size_t bytes) {
-    const auto* const octets = static_cast<const unsigned char*>(data);
-    for (std::size_t n = 0; n < bytes; ++n) {
-      low_ = (low_ ^ octets[n]) * 0x100000001B3ULL;
-      high_ = (high_ ^ octets[n]) * 0x9E3779B97F4A7C15ULL;
-      high_ ^= high_ >> 29U;
-    }
-  }
-  /// A UID of the 2.25 root: the decimal of a UUID (version 8, made of content).
-  std::string uid(std::uint64_t member) const {
-    std::uint64_t high = mixed(high_ + 0x9E3779B97F4A7C15ULL * (member + 1));
-    std::uint64_t low = mixed(low_ ^ mixed(member + 0x632BE59BD9B4E019ULL));
-    high = (high & ~0xF000ULL) | 0x8000ULL;
-    low = (low & ~(0xC0ULL << 56U)) | (0x80ULL << 56U);
-    return "2.25." + decimal(high, low);
-  }
-
- private:
-  static std::uint64_t mixed(std::uint64_t x) {
-    x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9ULL;
-    x = (x ^ (x >> 27U)) * 0x94D049BB133111EBULL;
-    return x ^ (x >> 31U);
-  }
-  static std::string decimal(std::uint64_t high, std::uint64_t low) {
-    std::array<std::uint64_t, 4> limbs{high >> 32U, high & 0xFFFFFFFFU, low >> 32U, low & 0xFFFFFFFFU};
-    std::string digits;
-    while (std::any_of(limbs.begin(), limbs.end(), [](std::uint64_t limb) { return limb != 0; })) {
-      std::uint64_t rest = 0;
-      for (auto& limb : limbs) {
-        const std::uint64_t value = (rest << 32U) | limb;
-        limb = value / 10;
-        rest = value % 10;
-      }
-      digits.push_back(static_cast<char>('0' + rest));
-    }
-    std::reverse(digits.begin(), digits.end());
-    return digits;
-  }
-  std::uint64_t low_ = 0xCBF29CE484222325ULL;
-  std::uint64_t high_ = 0x6C62272E07BB0142ULL;
-};
-
-/// A decimal string has at most 16 characters.
-std::string decimal_string(double value) {
-  std::array<char, 64> text{};
-  if (value == 0.0) value = 0.0;  // no "-0"
-  const auto shortest = std::to_chars(text.data(), text.data() + text.size(), value);
-  std::string best(text.data(), shortest.ptr);
-  for (int digits = 15; best.size() > 16 && digits > 0; --digits) {
-    const auto end =
-        std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, digits).ptr;
-    best.assign(text.data(), end);
-  }
-  return best;
-}
-
-template <typename Values>
-std::string decimal_strings(const Values& values) {
-  std::string text;
-  for (Eigen::Index n = 0; n < values.size(); ++n) text += (n == 0 ? "" : "\\") + decimal_string(values[n]);
-  return text;
-}
-
 class Attributes {
  public:
   explicit Attributes(gdcm::DataSet& set) : set_(set) {}
@@ -125,31 +59,13 @@ class Attributes {
   gdcm::DataSet& set_;
 };
 
-/// How values become 16-bit numbers: as they are where they are whole and
-/// fit, so nothing is lost, otherwise spread over the volume's range.
-struct Storage {
-  bool rescaled = false;
-  double slope = 1.0;
-  double intercept = 0.0;
-};
-
-Storage storage_for(const core::Volume& volume) {
-  const bool fits = std::all_of(volume.data(), volume.data() + volume.size(), [](float value) {
-    return value >= 0.0F && value <= 65535.0F && value == std::floor(value);
-  });
-  if (fits) return {};
-  const double span = static_cast<double>(volume.range().max) - static_cast<double>(volume.range().min);
-  return {true, span > 0.0 ? span / 65535.0 : 1.0, volume.range().min};
-}
-
-std::vector<char> stored_slice(const core::Volume& volume, const Storage& storage, int k) {
+std::vector<char> stored_slice(const core::Volume& volume, const StoredGreys& storage, int k) {
   const auto count = static_cast<std::size_t>(volume.dims()[0]) * static_cast<std::size_t>(volume.dims()[1]);
   const float* const first = volume.data() + volume.geometry().index(0, 0, k);
   std::vector<char> stored;
   stored.reserve(2 * count);
   for (std::size_t n = 0; n < count; ++n) {
-    const double number = (static_cast<double>(first[n]) - storage.intercept) / storage.slope;
-    const auto value = static_cast<unsigned>(std::clamp(std::floor(number + 0.5), 0.0, 65535.0));
+    const unsigned value = storage.number_of(first[n]);
     stored.push_back(static_cast<char>(value & 0xFFU));
     stored.push_back(static_cast<char>(value >> 8U));
   }
@@ -205,7 +121,7 @@ void add_plane(Attributes& set, const core::ImageGeometry& geometry, int k) {
   set.text(0x0028, 0x0030, VR::DS, decimal_string(spacing[1]) + "\\" + decimal_string(spacing[0]));
 }
 
-void add_pixels(Attributes& set, const core::Volume& volume, const Storage& storage, int k) {
+void add_pixels(Attributes& set, const core::Volume& volume, const StoredGreys& storage, int k) {
   using gdcm::VR;
   set.number(0x0028, 0x0002, 1);
   set.text(0x0028, 0x0004, VR::CS, "MONOCHROME2");
@@ -229,7 +145,7 @@ void add_pixels(Attributes& set, const core::Volume& volume, const Storage& stor
 }
 
 void write_slice(const fs::path& path, const fs::path& target, const core::Volume& volume,
-                 const Storage& storage, const ContentHash& hash, int k) {
+                 const StoredGreys& storage, const ContentHash& hash, int k) {
   gdcm::Writer writer;
   gdcm::File& file = writer.GetFile();
   file.GetHeader().SetDataSetTransferSyntax(gdcm::TransferSyntax::ExplicitVRLittleEndian);
@@ -276,7 +192,8 @@ void write_dicom_series(const fs::path& folder, const core::Volume& volume, cons
     throw output_error(folder, "exists", "something is there already; name a new or an empty folder");
   fs::create_directory(output.staged(), failed);
   if (failed) throw output_error(folder, "write-failed", failed.message());
-  const Storage storage = storage_for(volume);
+  StoredGreys storage = stored_greys({volume});
+  storage.bits = 16;
   for (int k = 0; k < dims[2]; ++k) {
     std::array<char, 32> name{};
     std::snprintf(name.data(), name.size(), "slice-%04d.dcm", k + 1);
