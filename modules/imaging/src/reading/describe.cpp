@@ -151,3 +151,14 @@ std::vector<Description> describe(const std::vector<Entry>& entries, const ReadO
 }
 
 }  // namespace palpate::imaging::reading
+
+namespace palpate::imaging {
+
+std::string reader_sandbox() {
+  reading::ReaderRequest request;
+  request.task = reading::ReaderTask::describe;
+  const auto reply = reading::run_reader(request, {}, {});
+  return reply.result.value("sandbox", "") == "seccomp" ? "seccomp" : "none";
+}
+
+}  // namespace palpate::imaging

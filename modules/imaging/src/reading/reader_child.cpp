@@ -2,6 +2,7 @@
 #include "info_json.hpp"
 #include "parsed.hpp"
 #include "process.hpp"
+#include "sandbox.hpp"
 #include "small_picture.hpp"
 #include "text_header.hpp"
 
@@ -199,7 +200,7 @@ void do_describe(const ReaderRequest& request, std::size_t memory_bytes) {
     tell_risk({}, {});
     if (frames > 0 && request.thumbnails) send_thumbnail(paths, frames, request, memory_bytes);
   }
-  send({{"result", nlohmann::json::object()}});
+  send({{"result", {{"sandbox", sandbox_state()}}}});
 }
 
 void do_scan(const ReaderRequest& request) {
@@ -254,6 +255,7 @@ int reader_main(int argc, char** argv) {
   if (getppid() != static_cast<pid_t>(*parent)) return usage;
   prctl(PR_SET_DUMPABLE, 0);
   take_limits(static_cast<std::size_t>(*memory), *cpu_s);
+  enter_sandbox();
   std::set_new_handler(out_of_memory);
   try {
     const ReaderRequest request = take_request(*task);

@@ -80,6 +80,10 @@ struct SeriesSummary {
 std::vector<SeriesSummary> list_series(const std::filesystem::path& folder,
                                        const core::Progress& progress = {}, const ReaderLimits& limits = {});
 
+/// What keeps the reader process from doing anything but reading: "seccomp",
+/// or "none" where the kernel has nothing of the kind. Throws Error(input, "reader-missing").
+std::string reader_sandbox();
+
 /// The VOLUME object of docs/cli.md as one line of JSON.
 std::string volume_info_json(const core::VolumeInfo& info);
 
