@@ -15,6 +15,7 @@ const std::vector<FilterEntry>& filter_entries() {
       curvature_diffusion_entry(),
       curvature_flow_entry(),
       patch_denoise_entry(),
+      adaptive_entry(),
   };
   return all;
 }

@@ -52,6 +52,7 @@ FilterEntry gradient_diffusion_entry();
 FilterEntry curvature_diffusion_entry();
 FilterEntry curvature_flow_entry();
 FilterEntry patch_denoise_entry();
+FilterEntry adaptive_entry();
 
 /// Over the axes that have more than one voxel.
 double smallest_spacing_mm(const core::ImageGeometry& geometry);

@@ -1,0 +1,58 @@
+#include "../filter_registry.hpp"
+
+#include "palpate/imaging/adaptive.hpp"
+
+namespace palpate::imaging {
+namespace {
+
+AdaptiveParameters parameters_of(const FilterParameters& values) {
+  AdaptiveParameters parameters;
+  parameters.contrast_percent = values.at("contrast_percent");
+  parameters.scale_voxels = values.at("scale_voxels");
+  parameters.neighbourhood_scales = values.at("neighbourhood_scales");
+  parameters.passes = static_cast<int>(values.at("passes"));
+  return parameters;
+}
+
+FilterParameter parameter(const char* name, const char* text, double standard, AdaptiveLimits limits,
+                          bool whole, const char* unit) {
+  return {name, text, standard, limits.low, limits.high, whole, unit};
+}
+
+}  // namespace
+
+FilterEntry adaptive_entry() {
+  const AdaptiveParameters standard;
+  FilterEntry entry;
+  entry.description = {
+      "adaptive",
+      "Adaptive (speckle)",
+      "Smooths speckle along walls and layers, not across them. The filter of Granlund and Knutsson.",
+      {
+          parameter(
+              "contrast_percent",
+              "Edges that are kept: their step, in % of the brightness around; weaker ones are smoothed",
+              standard.contrast_percent, adaptive_contrast_percent, false, "%"),
+          parameter("scale_voxels", "Size of the speckle that is smoothed, in the finest voxel spacing",
+                    standard.scale_voxels, adaptive_scale_voxels, false, "voxels"),
+          parameter("neighbourhood_scales",
+                    "How far around a voxel its structure is judged, in sizes of the speckle",
+                    standard.neighbourhood_scales, adaptive_neighbourhood_scales, false, ""),
+          parameter("passes", "How often the filter runs over its own result", standard.passes,
+                    adaptive_passes, true, ""),
+      }};
+  entry.apply = [](const FilterCall& call) {
+    return adaptive_filter(call.volume, parameters_of(call.parameters), call.measured.front(),
+                           call.options.device, call.progress);
+  };
+  entry.reach = [](const core::ImageGeometry& geometry, const FilterParameters& values) {
+    return adaptive_reach(geometry, parameters_of(values));
+  };
+  entry.measure = [](const core::Volume& volume, const FilterParameters&, const core::Progress&) {
+    return std::vector<double>{static_cast<double>(volume.range().max) - volume.range().min};
+  };
+  entry.bytes_per_voxel = 12.0;
+  return entry;
+}
+
+}  // namespace palpate::imaging
