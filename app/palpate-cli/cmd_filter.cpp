@@ -6,11 +6,13 @@
 #include "values.hpp"
 
 #include "palpate/core/error.hpp"
+#include "palpate/imaging/speckle.hpp"
 #include "palpate/imaging/writer.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 
 namespace palpate::cli {
 namespace {
@@ -84,32 +86,94 @@ std::string pixel_type_of(const core::VolumeInfo& info, const std::vector<imagin
   return kept && info.pixel_type == "uint8" && info.components == 1 ? "uint8" : "float32";
 }
 
-double frame_spacing_s(const core::VolumeInfo& info) {
-  const auto& times = info.frame_times_s;
-  return times.size() > 1 ? (times.back() - times.front()) / static_cast<double>(times.size() - 1) : 0.0;
+/// The times of the frames that were read; none where they are not known, or
+/// do not rise and so tell nothing.
+std::vector<double> times_of(const core::VolumeSequence& sequence) {
+  const auto& times = sequence.info.frame_times_s;
+  const auto first = static_cast<std::size_t>(sequence.first_frame);
+  if (times.size() < first + sequence.frames.size()) return {};
+  const auto begin = times.begin() + sequence.first_frame;
+  const auto end = begin + static_cast<std::ptrdiff_t>(sequence.frames.size());
+  if (std::adjacent_find(begin, end, std::greater_equal<>()) != end) return {};
+  return {begin, end};
+}
+
+/// Of the first frame, at the same places.
+struct Speckle {
+  imaging::SpeckleStatistics before, after;
+};
+
+/// Every frame in its turn; what is warned of is the same in each.
+Speckle filter_frames(core::VolumeSequence& sequence, const ScanOptions& scan, const Call& call,
+                      const core::Progress& progress) {
+  Speckle speckle;
+  const double count = static_cast<double>(sequence.frames.size());
+  for (std::size_t n = 0; n < sequence.frames.size(); ++n) {
+    const auto part = progress.part(static_cast<double>(n) / count, static_cast<double>(n + 1) / count);
+    const core::Volume source = sequence.frames[n];
+    const auto filtered =
+        session::filter_volume(source, scan.recipe.filters, scan.filter_options, part.part(0.0, 0.9));
+    if (n == 0) {
+      call.console.warn(filtered.warnings);
+      speckle.before = imaging::measure_speckle(source, part.part(0.9, 0.95));
+      speckle.after = imaging::measure_speckle(filtered.volume, source, part.part(0.95, 1.0));
+    }
+    sequence.frames[n] =
+        scan.recipe.tissue.crop ? cropped(filtered.volume, *scan.recipe.tissue.crop) : filtered.volume;
+  }
+  return speckle;
+}
+
+Json to_json(const imaging::SpeckleStatistics& speckle) {
+  const auto measured = [&](double value) { return speckle.blocks > 0 ? number(value) : Json(nullptr); };
+  Json object;
+  object["mean"] = measured(speckle.mean);
+  object["deviation"] = measured(speckle.deviation);
+  object["snr"] = measured(speckle.snr);
+  object["looks"] = measured(speckle.looks);
+  object["blocks"] = speckle.blocks;
+  object["tissue_blocks"] = speckle.tissue_blocks;
+  object["block_voxels"] = speckle.block_voxels;
+  object["threshold"] = number(speckle.threshold);
+  object["bright"] = number(speckle.bright);
+  object["dark"] = number(speckle.dark);
+  object["contrast"] = number(speckle.contrast);
+  object["cnr"] = number(speckle.cnr);
+  return object;
+}
+
+void add_speckle(Table& table, const Speckle& speckle) {
+  const auto change = [](double before, double after, int digits) {
+    return shown(before, digits) + " -> " + shown(after, digits);
+  };
+  if (speckle.before.blocks == 0) {
+    table.emplace_back("Speckle", "no even tissue to measure it in");
+  } else {
+    table.emplace_back("Speckle SNR", change(speckle.before.snr, speckle.after.snr, 3) + " (in the " +
+                                          std::to_string(speckle.before.blocks) + " most even blocks)");
+    table.emplace_back("Deviation", change(speckle.before.deviation, speckle.after.deviation, 3));
+    table.emplace_back("Looks", change(speckle.before.looks, speckle.after.looks, 3));
+  }
+  table.emplace_back("Contrast to noise", change(speckle.before.cnr, speckle.after.cnr, 3));
 }
 
 int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) {
   take_path(scan, "filter");
   if (output.empty()) core::throw_usage("filter needs -o OUT, the file to write.");
-  check_output("-o", output, {".mha", ".mhd", ".nrrd", ".nii", ".nii.gz"}, {".dcm"});
+  check_output("-o", output, {".mha", ".mhd", ".nrrd", ".nii", ".nii.gz", ".dcm"}, {});
   const auto start = std::chrono::steady_clock::now();
   const auto progress = call.console.progress();
   auto sequence = imaging::read(scan.recipe.input.path, read_options(scan), progress.part(0.0, 0.3));
   call.console.warn(sequence.info.warnings);
-  const double count = static_cast<double>(sequence.frames.size());
-  for (std::size_t n = 0; n < sequence.frames.size(); ++n) {
-    const double from = 0.3 + 0.5 * static_cast<double>(n) / count;
-    auto filtered = session::filter_volume(sequence.frames[n], scan.recipe.filters, scan.filter_options,
-                                           progress.part(from, from + 0.5 / count));
-    if (n == 0) call.console.warn(filtered.warnings);
-    sequence.frames[n] =
-        scan.recipe.tissue.crop ? cropped(filtered.volume, *scan.recipe.tissue.crop) : filtered.volume;
-  }
+  const Speckle speckle = filter_frames(sequence, scan, call, progress.part(0.3, 0.8));
   imaging::WriteOptions write_options;
   write_options.pixel_type = pixel_type_of(sequence.info, scan.recipe.filters);
-  imaging::write(output, sequence.frames, frame_spacing_s(sequence.info), write_options,
-                 progress.part(0.8, 1.0));
+  write_options.frame_times_s = times_of(sequence);
+  write_options.dicom.patient_axes = sequence.info.patient_axes;
+  for (const auto& step : scan.recipe.filters)
+    write_options.dicom.derivation +=
+        (write_options.dicom.derivation.empty() ? "" : ", then ") + imaging::to_string(step);
+  imaging::write(output, sequence.frames, 0.0, write_options, progress.part(0.8, 1.0));
 
   const auto& first = sequence.frames.front();
   Json object;
@@ -124,6 +188,8 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
   object["min"] = number(first.range().min);
   object["max"] = number(first.range().max);
   object["mean"] = number(first.range().mean);
+  object["speckle_before"] = to_json(speckle.before);
+  object["speckle_after"] = to_json(speckle.after);
   object["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Table table;
   table.emplace_back(
@@ -132,6 +198,7 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
                                    " x " + std::to_string(first.dims()[2]) + " " + write_options.pixel_type);
   table.emplace_back("Values", shown(first.range().min) + " to " + shown(first.range().max) + ", mean " +
                                    shown(first.range().mean));
+  add_speckle(table, speckle);
   call.console.result(object, "Wrote " + output, table);
   return 0;
 }
@@ -147,7 +214,8 @@ int run_filter(const Call& call) {
       "filter", "filter [options] PATH -o OUT",
       "Applies filters in the order given and writes the volume; without a filter it converts.");
   options.positional("PATH", 1, scan.paths);
-  options.text("-o", "OUT", "the file to write: .mha, .mhd, .nrrd, .nii or .nii.gz", output);
+  options.text("-o", "OUT",
+               "the file to write: .mha, .mhd, .nrrd, .nii, .nii.gz or .dcm (Enhanced US Volume)", output);
   options.flag("--list", "prints the filters and their parameters", list);
   add_scan_options(options, scan);
   add_common(options, common);
