@@ -4,6 +4,8 @@
 
 #include "palpate/core/error.hpp"
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <system_error>
@@ -28,6 +30,23 @@ model::CropBox parse_crop(const std::string& text) {
                         "\" is empty; its end must lie beyond its first voxel.");
   }
   return box;
+}
+
+/// In capitals; empty for "file".
+std::string parse_orientation(const std::string& text) {
+  std::string word = text;
+  for (char& letter : word) letter = static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+  if (word == "FILE") return {};
+  const auto times = [&](const char* pair) {
+    return std::count_if(word.begin(), word.end(),
+                         [&](char letter) { return letter == pair[0] || letter == pair[1]; });
+  };
+  if (word.size() != 3 || times("LR") != 1 || times("PA") != 1 || times("SI") != 1)
+    core::throw_usage(
+        "\"file\" is needed, or where i, j and k point to, by one letter each of L or R, P or A, S or I, "
+        "such as LPS or RAS, not \"" +
+        text + "\".");
+  return word;
 }
 
 void parse_threshold(const std::string& text, model::TissueParameters& tissue) {
@@ -58,7 +77,14 @@ void add_reading_options(OptionSet& options, ScanOptions& scan) {
                 [&](const std::string& text) { input.spacing_mm = parse_three(text, 1e-6, 1e6); });
   options.flag("--allow-truncated", "read a file that ends too early; what is missing is zero",
                input.allow_truncated);
-  options.later({"--orientation", "--grid-spacing"});
+  options.value(
+      "--orientation", "NAME",
+      "where i, j and k point to, such as LPS or RAS, instead of what the file says (default: file)",
+      [&](const std::string& text) { input.orientation = parse_orientation(text); });
+  options.value(
+      "--grid-spacing", "MM",
+      "voxels of the grid that a scan in polar coordinates is turned into (default: its finest)",
+      [&](const std::string& text) { input.grid_spacing_mm = parse_number(text, 1e-3, 1e3, "mm"); });
 }
 
 void add_scan_options(OptionSet& options, ScanOptions& scan) {

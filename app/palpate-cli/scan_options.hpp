@@ -20,7 +20,7 @@ struct ScanOptions {
   bool frame_given = false;
   bool filters_given = false;
 };
-/// --series, --frame, --spacing, --allow-truncated.
+/// --series, --frame, --spacing, --orientation, --grid-spacing, --allow-truncated.
 void add_reading_options(OptionSet& options, ScanOptions& scan);
 /// The above, --filter and --crop.
 void add_scan_options(OptionSet& options, ScanOptions& scan);

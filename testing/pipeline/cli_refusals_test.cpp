@@ -105,8 +105,6 @@ TEST(CliRefuses, WhatALaterVersionBrings) {
       {{"bench"}, "bench"},
       {{"experiment", "list"}, "experiment"},
       {{"devices", "--self-test"}, "--self-test"},
-      {{"info", s, "--orientation", "ras"}, "--orientation"},
-      {{"model", s, "--grid-spacing", "1"}, "--grid-spacing"},
       {{"model", s, "--mask", "m.mha"}, "--mask"},
       {{"model", s, "--links", "lattice18"}, "lattice18"},
       {{"model", s, "--links", "lattice26"}, "lattice26"},

@@ -5,6 +5,7 @@
 #include "palpate/imaging/reader.hpp"
 #include "palpate/testing/support.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -180,6 +181,31 @@ TEST_F(SeriesList, ThousandsOfSlicesAreOneSeries) {
   EXPECT_DOUBLE_EQ(all[0].info.geometry.spacing_mm()[2], 0.5);
   EXPECT_TRUE(std::is_sorted(told.begin(), told.end()));
   EXPECT_EQ(told.back(), 1.0);
+}
+
+TEST_F(SeriesList, TheRangeOfManyFramesIsTakenSomeAtATime) {
+  // 64 MB in the (sparse) file and 256 MB as voxels: more than the reader may use at once.
+  const auto scan = folder_ / "beat.mha";
+  write_mha(scan, "200 200 100 16", "MET_UCHAR", "");
+  const auto header = std::filesystem::file_size(scan);
+  std::filesystem::resize_file(scan, header + 200 * 200 * 100 * 16 - 1);
+  std::ofstream(scan, std::ios::binary | std::ios::app).put('\100');
+  palpate::imaging::ReaderLimits limits;
+  limits.memory_bytes = std::size_t{360} << 20;
+  try {
+    palpate::imaging::read(scan, {}, {}, limits);
+    FAIL() << "it fits after all";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.code(), ::testing::AnyOf("too-large", "reader-memory"));
+  }
+  const auto reports = palpate::imaging::inspect({scan}, {}, {}, limits);
+  ASSERT_EQ(reports.size(), 1U);
+  ASSERT_TRUE(reports[0].ok) << reports[0].error_text;
+  const auto& info = reports[0].volumes.at(0);
+  EXPECT_EQ(info.frames, 16);
+  EXPECT_EQ(info.min, 0.0);
+  EXPECT_EQ(info.max, 64.0);  // the last voxel of the last frame
+  EXPECT_DOUBLE_EQ(info.mean, 64.0 / (200.0 * 200.0 * 100.0 * 16.0));
 }
 
 TEST_F(SeriesList, CanBeCancelledAndSaysWhatIsNotThere) {
