@@ -137,6 +137,7 @@ Beginning beginning_of(const std::filesystem::path& path) {
 struct ElementStart {
   DicomTag tag;
   std::uint32_t length = 0;
+  bool words = false;
 };
 
 /// Tag and length of a pixel element; none where the file ends.
@@ -155,6 +156,7 @@ std::optional<ElementStart> element_start(WatchedStream& stream, bool explicit_v
   std::array<std::uint8_t, 4> length{};
   if (!stream.read_all(length.data(), length.size())) return std::nullopt;
   start.length = number_of(length.data(), 4, big_endian);
+  start.words = head[4] == 'O' && head[5] == 'W';
   return start;
 }
 
@@ -194,7 +196,7 @@ void pass_fragments(WatchedStream& stream, DicomPixelPlace& place) {
 /// on behind what is damaged.
 class DicomFile::Loader {
  public:
-  Loader(DicomFile& file, std::uint64_t before, bool mend) : file_(file), stream_(file.path_), mend_(mend) {
+  Loader(DicomFile& file, std::uint64_t before, bool mend) : file_(file), stream_(file.path_) {
     prepare_dcmtk(mend);
     stream_.pass(before);
   }
@@ -220,7 +222,7 @@ class DicomFile::Loader {
     const DcmXfer found(dataset.getOriginalXfer());
     if (!named && found.getXferID() != nullptr) file_.transfer_syntax_ = found.getXferID();
     file_.big_endian_ = found.getByteOrder() == EBO_BigEndian;
-    while (mend_ && pass_stray_item()) good = read_part(found.getXfer(), pixel_group);
+    while (pass_stray_item()) good = read_part(found.getXfer(), pixel_group);
     if (!good) return false;
     take_pixels(found);
     read_rest(found.getXfer());
@@ -248,6 +250,7 @@ class DicomFile::Loader {
       if (start && stream_.good()) stream_.putback();
       return;
     }
+    place.words = start->words;
     place.encapsulated = start->length == undefined_length;
     if (place.encapsulated) return pass_fragments(stream_, place);
     place.value = {stream_.place(), start->length, 0};
@@ -289,13 +292,13 @@ class DicomFile::Loader {
       stream_.putback();
       return false;
     }
+    file_.mended_ = true;
     if (element == 0xE000 && length != undefined_length) return stream_.pass(length) == length;
     return element == 0xE000 || element == 0xE00D || element == 0xE0DD;
   }
 
   DicomFile& file_;
   WatchedStream stream_;
-  bool mend_;
 };
 
 DicomFile::DicomFile(const std::filesystem::path& path) : path_(path) {

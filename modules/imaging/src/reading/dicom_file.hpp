@@ -55,6 +55,7 @@ struct DicomPixelPlace {
     std::uint64_t present = 0;  ///< of `length`, before the file ends
   };
   Kind kind = Kind::none;
+  bool words = false;                  ///< value representation OW
   bool encapsulated = false;           ///< in fragments
   Piece value;                         ///< where not encapsulated
   std::vector<Piece> fragments;        ///< without the basic offset table
@@ -80,6 +81,7 @@ class DicomFile {
   DicomItem dataset() const;
   /// UID of the transfer syntax that the dataset was written in.
   std::string transfer_syntax() const { return transfer_syntax_; }
+  bool deflated() const { return deflated_from_ != 0; }
   bool big_endian() const { return big_endian_; }
   const DicomPixelPlace& pixels() const { return pixels_; }
   /// That many bytes from an offset of pixels(), or fewer where the file ends.
