@@ -91,29 +91,4 @@ void to_grey(const void* raw, itk::IOComponentEnum type, std::size_t components,
   });
 }
 
-void make_finite(const std::filesystem::path& path, float* voxels, std::size_t count,
-                 core::VolumeInfo& info) {
-  float low = std::numeric_limits<float>::infinity();
-  float largest = 0.0F;
-  std::size_t wrong = 0;
-  for (std::size_t n = 0; n < count; ++n) {
-    if (!std::isfinite(voxels[n])) {
-      ++wrong;
-      continue;
-    }
-    low = std::min(low, voxels[n]);
-    largest = std::max(largest, std::abs(voxels[n]));
-  }
-  if (wrong == count) fail("no-image", path, "holds no voxel that is a number. Export the scan again.");
-  constexpr float whole_numbers_up_to = 16777216.0F;  // 2^24, the last that a float counts to by ones
-  if (largest > whole_numbers_up_to && info.pixel_type.find("int") != std::string::npos)
-    warn(info, "rounded-values", "Some values are over 16777216 and were rounded to 24 bits.");
-  if (wrong == 0) return;
-  for (std::size_t n = 0; n < count; ++n)
-    if (!std::isfinite(voxels[n])) voxels[n] = low;
-  warn(info, "non-finite-voxels",
-       std::to_string(wrong) + " of " + std::to_string(count) +
-           " voxels are no finite numbers; they were set to the smallest value that is one.");
-}
-
 }  // namespace palpate::imaging::reading

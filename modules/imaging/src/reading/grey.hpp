@@ -1,6 +1,6 @@
 #pragma once
 
-#include "parsed.hpp"
+#include "settle.hpp"
 
 #include <itkImageIOBase.h>
 
@@ -24,10 +24,5 @@ enum class Mix {
 /// Turns `count` voxels to 32-bit float; `pick` chooses the component for Mix::pick.
 void to_grey(const void* raw, itk::IOComponentEnum type, std::size_t components, Mix mix, std::size_t pick,
              std::size_t count, float* grey);
-
-/// Replaces voxels that are no number by the smallest that is one, and says so
-/// in the warnings; also warns where whole numbers do not fit 24 bits. Throws
-/// where no voxel is finite.
-void make_finite(const std::filesystem::path& path, float* voxels, std::size_t count, core::VolumeInfo& info);
 
 }  // namespace palpate::imaging::reading

@@ -1,134 +1,185 @@
-#include "inflate.hpp"
-#include "itk_image.hpp"
-#include "text_header.hpp"
+#include "nifti_header.hpp"
+#include "orientation.hpp"
+#include "raw_image.hpp"
+#include "settle.hpp"
 
-#include <itkNiftiImageIO.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstring>
 #include <fstream>
+#include <optional>
+#include <sstream>
 
 namespace palpate::imaging::reading {
 namespace {
 
+namespace fs = std::filesystem;
 using core::Provenance;
+using Affine = Eigen::Matrix<double, 3, 4>;
 
-constexpr std::size_t header_bytes = 348;
-
-/// The fields of a NIfTI-1 header that are checked before the library sees them.
-class NiftiHeader {
- public:
-  NiftiHeader(std::string bytes, const std::filesystem::path& path) : bytes_(std::move(bytes)) {
-    if (bytes_.size() < header_bytes)
-      fail("truncated", path, "is shorter than a NIfTI header. Copy or export it again.");
-    const auto size = value<std::int32_t>(0);
-    if (size == static_cast<std::int32_t>(header_bytes)) return;
-    swapped_ = true;
-    if (value<std::int32_t>(0) == static_cast<std::int32_t>(header_bytes)) return;
-    if (size == 540 || value<std::int32_t>(0) == 540)
-      fail("unsupported", path, "is a NIfTI-2 file, which cannot be read. Convert it to NIfTI-1 or NRRD.");
-    fail("bad-header", path, "does not begin like a NIfTI file.");
-  }
-  template <typename T>
-  T value(std::size_t at) const {
-    std::array<char, sizeof(T)> raw{};
-    std::memcpy(raw.data(), bytes_.data() + at, sizeof(T));
-    if (swapped_) std::reverse(raw.begin(), raw.end());
-    T result;
-    std::memcpy(&result, raw.data(), sizeof(T));
-    return result;
-  }
-  int dim(std::size_t n) const { return value<std::int16_t>(40 + 2 * n); }
-  int datatype() const { return value<std::int16_t>(70); }
-  int bits() const { return value<std::int16_t>(72); }
-  double pixdim(std::size_t n) const { return static_cast<double>(value<float>(76 + 4 * n)); }
-  double voxels_at() const { return static_cast<double>(value<float>(108)); }
-  int units() const { return static_cast<unsigned char>(bytes_[123]); }
-  bool placed() const { return value<std::int16_t>(252) > 0 || value<std::int16_t>(254) > 0; }
-  bool two_files() const { return std::memcmp(bytes_.data() + 344, "ni1", 4) == 0; }
-  bool single_file() const { return std::memcmp(bytes_.data() + 344, "n+1", 4) == 0; }
-
- private:
-  std::string bytes_;
-  bool swapped_ = false;
-};
-
-bool is_gzip(const std::filesystem::path& path) {
+bool is_gzip(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::array<char, 2> start{};
   file.read(start.data(), 2);
   return file && start[0] == '\x1F' && start[1] == '\x8B';
 }
 
-std::string start_of(const std::filesystem::path& path, bool gzip) {
-  if (gzip) return inflate_and_count(path, 0, 0, 4096, header_bytes).start;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) fail("not-found", path, "cannot be opened. Check that it is there and may be read.");
-  std::string bytes(header_bytes, '\0');
-  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(file.gcount()));
+std::string start_of(const fs::path& path) {
+  constexpr std::size_t longest_header = 540;
+  std::string bytes(longest_header, '\0');
+  const auto source =
+      open_source(path, {path}, is_gzip(path) ? Encoding::deflate : Encoding::raw, VoxelType::uint8);
+  std::size_t got = 0;
+  while (got < bytes.size()) {
+    const std::size_t more = source->read(bytes.data() + got, bytes.size() - got);
+    if (more == 0) break;
+    got += more;
+  }
+  bytes.resize(got);
   return bytes;
 }
 
-/// Sizes, type and spacing; returns the bytes of all voxels.
-double check_header(const NiftiHeader& header, const std::filesystem::path& path) {
-  const int axes = header.dim(0);
+/// "a/heart.hdr", "a/heart.img.gz" -> "a/heart".
+fs::path stem_of(fs::path path) {
+  if (path.extension() == ".gz") path.replace_extension();
+  return path.replace_extension();
+}
+
+fs::path existing(const fs::path& stem, const std::string& ending) {
+  for (const std::string packed : {"", ".gz"}) {
+    const fs::path path = stem.string() + ending + packed;
+    std::error_code error;
+    if (fs::is_regular_file(path, error)) return path;
+  }
+  return {};
+}
+
+fs::path header_file(const fs::path& path) {
+  const fs::path unpacked = path.extension() == ".gz" ? path.stem() : path.filename();
+  if (unpacked.extension() != ".img") return path;
+  const fs::path header = existing(stem_of(path), ".hdr");
+  if (header.empty())
+    fail("not-found", path,
+         "belongs to a header file " + stem_of(path).filename().string() + ".hdr, which is missing.");
+  return header;
+}
+
+fs::path voxel_file(const fs::path& path, const fs::path& header_path, const NiftiHeader& header) {
+  if (header.single_file) return header_path;
+  const fs::path image = existing(stem_of(header_path), ".img");
+  if (!image.empty()) return image;
+  fail("not-found", path,
+       "needs its voxels from " + stem_of(header_path).filename().string() +
+           ".img, which is missing. Put both into one folder.");
+}
+
+void set_type(const NiftiHeader& header, const fs::path& path, RawImage& image) {
+  struct Type {
+    int code, bits;
+    VoxelType type;
+    long long components;
+    GreyRule rule;
+  };
+  static constexpr std::array<Type, 14> types{{{2, 8, VoxelType::uint8, 1, GreyRule::only},
+                                               {4, 16, VoxelType::int16, 1, GreyRule::only},
+                                               {8, 32, VoxelType::int32, 1, GreyRule::only},
+                                               {16, 32, VoxelType::float32, 1, GreyRule::only},
+                                               {32, 64, VoxelType::float32, 2, GreyRule::magnitude},
+                                               {64, 64, VoxelType::float64, 1, GreyRule::only},
+                                               {128, 24, VoxelType::uint8, 3, GreyRule::luma},
+                                               {256, 8, VoxelType::int8, 1, GreyRule::only},
+                                               {512, 16, VoxelType::uint16, 1, GreyRule::only},
+                                               {768, 32, VoxelType::uint32, 1, GreyRule::only},
+                                               {1024, 64, VoxelType::int64, 1, GreyRule::only},
+                                               {1280, 64, VoxelType::uint64, 1, GreyRule::only},
+                                               {1792, 128, VoxelType::float64, 2, GreyRule::magnitude},
+                                               {2304, 32, VoxelType::uint8, 4, GreyRule::luma}}};
+  const auto type =
+      std::find_if(types.begin(), types.end(), [&](const Type& t) { return t.code == header.datatype; });
+  if (type == types.end())
+    fail("unsupported", path,
+         "has voxels of NIfTI type " + std::to_string(header.datatype) + ", which cannot be read.");
+  if (type->bits != header.bitpix)
+    fail("bad-header", path,
+         "says that a voxel has " + std::to_string(header.bitpix) + " bits where its type has " +
+             std::to_string(type->bits) + ".");
+  image.type = type->type;
+  image.rule = type->rule;
+  if (type->components > 1) image.axes.push_back({type->components, Role::component});
+}
+
+void set_axes(const NiftiHeader& header, const fs::path& path, RawImage& image) {
+  const long long axes = header.dim[0];
   if (axes < 1 || axes > 7)
     fail("bad-header", path, "says that it has " + std::to_string(axes) + " axes; 1 to 7 are possible.");
-  double voxels = 1.0;
-  for (int axis = 1; axis <= axes; ++axis) {
-    const int size = header.dim(static_cast<std::size_t>(axis));
-    if (size < 1)
+  constexpr std::array<Role, 4> roles{Role::i, Role::j, Role::k, Role::frame};
+  constexpr int rgb_intent = 2003;
+  constexpr int rgba_intent = 2004;
+  for (long long axis = 1; axis <= axes; ++axis) {
+    const long long size = header.dim[static_cast<std::size_t>(axis)];
+    if (size < 1 || size > (1LL << 31) - 1)
       fail("bad-header", path,
            "says that axis " + std::to_string(axis) + " has " + std::to_string(size) +
                " voxels. Export the scan again.");
-    voxels *= size;
-    const double spacing = header.pixdim(static_cast<std::size_t>(axis));
-    if (axis <= 3 && !(std::isfinite(spacing) && spacing != 0.0))
-      fail("bad-header", path,
-           "says that voxels are " + std::to_string(spacing) + " apart along axis " + std::to_string(axis) +
-               ".");
+    Role role = axis <= 4 ? roles[static_cast<std::size_t>(axis - 1)] : Role::single;
+    if (axis > 4 && size > 1) {
+      const bool colour = axis == 5 && image.rule == GreyRule::only &&
+                          ((header.intent_code == rgb_intent && size == 3) ||
+                           (header.intent_code == rgba_intent && size == 4));
+      if (!colour)
+        fail("unsupported", path,
+             "has more axes than three of space and one of time (axis " + std::to_string(axis) + " has " +
+                 std::to_string(size) + " entries). Export a scan of grey or colour voxels.");
+      role = Role::component;
+      image.rule = GreyRule::luma;
+    }
+    image.axes.push_back({size, role});
   }
-  static constexpr std::array<std::array<int, 2>, 13> types{{{2, 8},
-                                                             {4, 16},
-                                                             {8, 32},
-                                                             {16, 32},
-                                                             {32, 64},
-                                                             {64, 64},
-                                                             {128, 24},
-                                                             {256, 8},
-                                                             {512, 16},
-                                                             {768, 32},
-                                                             {1024, 64},
-                                                             {1280, 64},
-                                                             {2304, 32}}};
-  const auto type =
-      std::find_if(types.begin(), types.end(), [&](const auto& t) { return t[0] == header.datatype(); });
-  if (type == types.end())
-    fail("unsupported", path,
-         "has voxels of NIfTI type " + std::to_string(header.datatype()) + ", which cannot be read.");
-  if ((*type)[1] != header.bits())
+}
+
+void set_scaling(const NiftiHeader& header, RawImage& image) {
+  // A slope of 0, or one that is no number, means that the voxels are as stored.
+  if (!std::isfinite(header.scl_slope) || header.scl_slope == 0.0) return;
+  image.slope = header.scl_slope;
+  if (std::isfinite(header.scl_inter)) image.intercept = header.scl_inter;
+}
+
+void set_file(const NiftiHeader& header, const fs::path& path, const fs::path& data, RawImage& image) {
+  const double offset = header.vox_offset;
+  const double least = !header.single_file ? 0.0 : header.version == 1 ? 348.0 : 540.0;
+  if (!std::isfinite(offset) || offset < least || offset > 1e9 || offset != std::floor(offset))
     fail("bad-header", path,
-         "says that a voxel has " + std::to_string(header.bits()) + " bits where its type has " +
-             std::to_string((*type)[1]) + ".");
-  return voxels * (*type)[1] / 8.0;
+         "says that its voxels begin at byte " + std::to_string(offset) + ". Export the scan again.");
+  image.big_endian = header.big_endian;
+  image.files.push_back({data});
+  if (is_gzip(data)) {
+    image.encoding = Encoding::deflate;
+    image.skipped_bytes = static_cast<std::uint64_t>(offset);
+  } else {
+    image.files.front().offset = static_cast<std::uint64_t>(offset);
+  }
 }
 
-std::filesystem::path voxel_file(const std::filesystem::path& path, const NiftiHeader& header) {
-  if (!header.two_files()) return path;
-  std::filesystem::path image = path;
-  if (image.extension() == ".hdr") image.replace_extension(".img");
-  if (std::filesystem::exists(image)) return image;
-  if (std::filesystem::exists(image.string() + ".gz")) return image.string() + ".gz";
-  fail(
-      "not-found", path,
-      "needs its voxels from " + image.filename().string() + ", which is missing. Put both into one folder.");
+/// Millimetres in the unit of length; 1 and a warning where it is not said.
+double length_unit_mm(const NiftiHeader& header, core::VolumeInfo& info) {
+  switch (header.xyzt_units & 0x07) {
+    case 1:
+      return 1000.0;
+    case 2:
+      return 1.0;
+    case 3:
+      return 1e-3;
+    default:
+      warn(info, "unknown-unit",
+           "The header does not say its unit of length; mm was taken, as NIfTI files mean it.");
+      return 1.0;
+  }
 }
 
-double time_unit_s(int units) {
-  switch (units & 0x38) {
+double time_unit_s(const NiftiHeader& header) {
+  switch (header.xyzt_units & 0x38) {
     case 8:
       return 1.0;
     case 16:
@@ -140,60 +191,146 @@ double time_unit_s(int units) {
   }
 }
 
+std::string text_of(const Affine& matrix) {
+  std::ostringstream text;
+  text.precision(6);
+  for (int row = 0; row < 3; ++row) {
+    text << (row == 0 ? "" : "; ");
+    for (int column = 0; column < 4; ++column) text << (column == 0 ? "" : " ") << matrix(row, column);
+  }
+  return text.str();
+}
+
+enum class Shape { straight, skewed, unusable };
+Shape shape_of(const Affine& matrix) {
+  if (!matrix.allFinite()) return Shape::unusable;
+  Eigen::Matrix3d axes = matrix.leftCols<3>();
+  for (int axis = 0; axis < 3; ++axis) {
+    const double length = axes.col(axis).norm();
+    if (!(length > 0.0) || !std::isfinite(length)) return Shape::unusable;
+    axes.col(axis) /= length;
+  }
+  if (std::abs(axes.determinant()) < 1e-3) return Shape::unusable;
+  const Eigen::Matrix3d skew = axes.transpose() * axes - Eigen::Matrix3d::Identity();
+  return skew.cwiseAbs().maxCoeff() > 1e-3 ? Shape::skewed : Shape::straight;
+}
+
+/// Whether both put every voxel of the scan at the same place, to a tenth of a voxel.
+bool same_place(const Affine& a, const Affine& b, const std::array<int, 3>& dims) {
+  double furthest = 0.0;
+  for (int corner = 0; corner < 8; ++corner) {
+    Eigen::Vector4d ijk(0.0, 0.0, 0.0, 1.0);
+    for (int axis = 0; axis < 3; ++axis)
+      if ((corner >> axis & 1) != 0) ijk[axis] = dims[static_cast<std::size_t>(axis)] - 1;
+    furthest = std::max(furthest, ((a - b) * ijk).norm());
+  }
+  return furthest <= 0.1 * a.leftCols<3>().colwise().norm().minCoeff();
+}
+
+/// Which of the two placements of a NIfTI header holds. The sform is the more
+/// exact, but where the qform says the scanner's space and the sform another
+/// (a template's, say), millimetres are the scanner's.
+std::optional<Affine> placement_of(const NiftiHeader& header, const fs::path& path, const Affine& qform,
+                                   const std::array<int, 3>& dims, bool axes_given, core::VolumeInfo& info) {
+  constexpr int scanner = 1;
+  const bool has_qform = header.qform_code > 0 && shape_of(qform) == Shape::straight;
+  if (header.sform_code <= 0) {
+    if (has_qform) return qform;
+    if (header.qform_code > 0 && !axes_given)
+      fail("bad-header", path, "has an unusable qform (" + text_of(qform) + "). Export the scan again.");
+    return std::nullopt;
+  }
+  const Shape shape = shape_of(header.srow);
+  const std::string numbers = text_of(header.srow);
+  if (shape == Shape::straight) {
+    if (!has_qform || same_place(header.srow, qform, dims)) return header.srow;
+    const bool take_sform = header.sform_code == scanner || header.qform_code != scanner;
+    warn(info, "two-placements",
+         "The header places the scan twice, and not alike: sform (code " + std::to_string(header.sform_code) +
+             ") " + numbers + "; qform (code " + std::to_string(header.qform_code) + ") " + text_of(qform) +
+             ". The " + (take_sform ? "sform" : "qform") + " was taken.");
+    return take_sform ? header.srow : qform;
+  }
+  if (has_qform) {
+    warn(info, "repaired-direction",
+         std::string("The sform of the header is ") + (shape == Shape::skewed ? "sheared" : "singular") +
+             " (" + numbers + "); the qform was taken in its place (" + text_of(qform) + ").");
+    return qform;
+  }
+  if (shape == Shape::skewed) return header.srow;  // made straight, or refused, with all others
+  if (axes_given) return std::nullopt;
+  fail("bad-header", path,
+       "has a singular sform (" + numbers +
+           ") and no other placement. Nothing was guessed: say where its axes point with --orientation, for "
+           "instance RAS.");
+}
+
+void take_place(const NiftiHeader& header, const fs::path& path, const RawImage& image,
+                const Context& context, core::VolumeInfo& info) {
+  const std::array<int, 3> dims = dims_of(image);
+  const bool axes_given = orientation_given(context.options);
+  Eigen::Vector3d pixdim = Eigen::Vector3d::Ones();
+  info.spacing_provenance.fill(Provenance::assumed);
+  std::array<bool, 3> usable{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double size = header.pixdim[axis + 1];
+    usable[axis] = std::isfinite(size) && size != 0.0 && static_cast<long long>(axis) < header.dim[0];
+    if (usable[axis]) pixdim[static_cast<Eigen::Index>(axis)] = std::abs(size);
+  }
+  const double unit_mm = length_unit_mm(header, info);
+  const bool mm_stated = (header.xyzt_units & 0x07) == 2;
+  const auto said = mm_stated ? Provenance::stated : Provenance::derived;
+  const auto placement = placement_of(header, path, qform_of(header, pixdim), dims, axes_given, info);
+  Eigen::Vector3d spacing = pixdim;
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (usable[axis]) info.spacing_provenance[axis] = said;
+  if (placement) {
+    for (int axis = 0; axis < 3; ++axis) {
+      spacing[axis] = placement->col(axis).norm();
+      direction.col(axis) = placement->col(axis) / spacing[axis];
+      const bool counts = axis < header.dim[0];
+      info.spacing_provenance[static_cast<std::size_t>(axis)] = counts ? said : Provenance::assumed;
+      if (!counts) spacing[axis] = 1.0;
+    }
+    origin = placement->col(3);
+    info.origin_provenance = said;
+    info.direction_provenance = Provenance::stated;
+    // Right, anterior, superior in the file; left, posterior, superior here.
+    direction.topRows<2>() *= -1.0;
+    origin.head<2>() *= -1.0;
+  }
+  for (int axis = 0; axis < 3; ++axis)
+    if (info.spacing_provenance[static_cast<std::size_t>(axis)] != Provenance::assumed)
+      spacing[axis] *= unit_mm;
+  origin *= unit_mm;
+  if (!origin.allFinite()) fail("bad-header", path, "says that it lies at no place in space.");
+  if (axes_given) direction = axes_of(context.options.orientation);
+  info.geometry = make_geometry(path, dims, spacing, origin.array() + 0.0, direction, info);
+}
+
 }  // namespace
 
-Parsed parse_nifti(const std::filesystem::path& path, const Context& context) {
-  std::filesystem::path header_path = path;
-  const std::string name = path.filename().string();
-  if (path.extension() == ".img") header_path.replace_extension(".hdr");
-  if (name.size() > 7 && name.compare(name.size() - 7, 7, ".img.gz") == 0)
-    header_path = path.parent_path() / (name.substr(0, name.size() - 7) + ".hdr");
-  if (!std::filesystem::exists(header_path))
-    fail("not-found", path,
-         "belongs to a header file " + header_path.filename().string() + ", which is missing.");
-  const NiftiHeader header(start_of(header_path, is_gzip(header_path)), path);
-  if (!header.single_file() && !header.two_files())
-    fail("unsupported", path, "is an Analyze file or a damaged NIfTI file. Export NIfTI-1 (.nii).");
-  const double needed = check_header(header, path);
-  check_memory(path, needed, 0.0, context);
+Parsed parse_nifti(const fs::path& path, const Context& context) {
+  const fs::path header_path = header_file(path);
+  std::error_code error;
+  if (!fs::is_regular_file(header_path, error))
+    fail("not-found", path, "cannot be opened. Check that it is there and may be read.");
+  const NiftiHeader header = nifti_header_of(start_of(header_path), path);
+  RawImage image;
+  set_type(header, path, image);
+  set_axes(header, path, image);
+  set_scaling(header, image);
+  set_file(header, path, voxel_file(path, header_path, header), image);
 
   core::VolumeInfo info;
   info.format = "NIfTI";
-  const auto data = voxel_file(header_path, header);
-  const double offset = header.voxels_at();
-  if (!std::isfinite(offset) || offset < 0.0 || offset > 1e9 || (header.single_file() && offset < 348.0))
-    fail("bad-header", path,
-         "says that its voxels begin at byte " + std::to_string(offset) + ". Export the scan again.");
-  const auto total = static_cast<std::uint64_t>(offset + needed);
-  const double bytes = is_gzip(data) ? static_cast<double>(inflate_and_count(data, 0, 0, total).bytes)
-                                     : static_cast<double>(std::filesystem::file_size(data));
-  if (bytes < offset + needed) {
-    if (!context.options.allow_truncated)
-      fail("truncated", path,
-           "holds " + std::to_string(static_cast<long long>(std::max(0.0, bytes - offset))) +
-               " bytes of voxels where its header speaks of " +
-               std::to_string(static_cast<long long>(needed)) + ". It was cut off: copy or export it again.");
-    warn(info, "truncated", "The file was cut off; the voxels that are missing are black.");
-  }
-  const bool flat = header.dim(0) < 3 || header.dim(3) == 1;
-  info.spacing_provenance = {Provenance::stated, Provenance::stated,
-                             header.dim(0) < 3 ? Provenance::assumed : Provenance::stated};
-  if (flat && !(header.pixdim(3) > 0.0)) info.spacing_provenance[2] = Provenance::assumed;
-  info.origin_provenance = info.direction_provenance =
-      header.placed() ? Provenance::stated : Provenance::absent;
-  Layout layout;
-  if (header.dim(0) >= 4 && header.dim(4) > 1) {
-    const double unit_s = time_unit_s(header.units());
-    const double step = header.pixdim(4);
-    if (unit_s > 0.0 && std::isfinite(step) && step > 0.0) layout.frame_spacing_s = step * unit_s;
-    if (layout.frame_spacing_s > 60.0)
-      warn(info, "implausible-time",
-           "By its header a frame lasts " + std::to_string(static_cast<long long>(layout.frame_spacing_s)) +
-               " s; the file may mean milliseconds.");
-  }
-  if (header.datatype() != 128 && header.datatype() != 2304) layout.colour = false;
-  const auto io = itk::NiftiImageIO::New();
-  return read_through(*io, path, std::move(info), layout, context);
+  info.frames = frames_of(path, image);
+  take_place(header, path, image, context, info);
+  const double unit_s = time_unit_s(header);
+  if (unit_s > 0.0) set_even_times(header.pixdim[4] * unit_s, info);
+  return read_raw(path, image, std::move(info), context);
 }
 
 }  // namespace palpate::imaging::reading

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <charconv>
 #include <cstdlib>
+#include <map>
 #include <sstream>
 
 namespace palpate::imaging::reading {
@@ -68,6 +69,98 @@ std::filesystem::path companion(const std::filesystem::path& header, const std::
     fail("bad-header", header, "names a data file that leads out of its own folder (" + shown + ").");
   if (fs::equivalent(data, header, error)) fail("bad-header", header, "names itself as its data file.");
   return data;
+}
+
+HeaderLines::HeaderLines(const std::filesystem::path& path) : path_(path), file_(path, std::ios::binary) {
+  if (!file_) fail("not-found", path, "cannot be opened. Check that it is there and may be read.");
+}
+
+std::optional<std::string> HeaderLines::next() {
+  // A transform for each of thousands of frames makes a long header; no line of it is this long.
+  constexpr std::uint64_t longest_header = std::uint64_t{64} << 20;
+  constexpr std::size_t longest_line = std::size_t{1} << 20;
+  std::string line;
+  char c = 0;
+  bool any = false;
+  while (file_.get(c)) {
+    any = true;
+    ++position_;
+    if (c == '\n') break;
+    line.push_back(c);
+    if (line.size() > longest_line || position_ > longest_header)
+      fail("bad-header", path_, "has a header that does not end, or a line of it that does not.");
+  }
+  if (!any) return std::nullopt;
+  if (!line.empty() && line.back() == '\r') line.pop_back();
+  return line;
+}
+
+std::optional<std::string> filled_pattern(const std::string& pattern, long long value) {
+  std::string name;
+  bool filled = false;
+  for (std::size_t n = 0; n < pattern.size(); ++n) {
+    if (pattern[n] != '%') {
+      name.push_back(pattern[n]);
+      continue;
+    }
+    if (++n < pattern.size() && pattern[n] == '%') {
+      name.push_back('%');
+      continue;
+    }
+    if (filled || value < 0) return std::nullopt;
+    char padding = ' ';
+    if (n < pattern.size() && pattern[n] == '.') ++n, padding = '0';
+    while (n < pattern.size() && pattern[n] == '0') ++n, padding = '0';
+    std::size_t width = 0;
+    while (n < pattern.size() && pattern[n] >= '0' && pattern[n] <= '9' && width < 100)
+      width = 10 * width + static_cast<std::size_t>(pattern[n++] - '0');
+    if (n >= pattern.size() || (pattern[n] != 'd' && pattern[n] != 'i' && pattern[n] != 'u') || width > 100)
+      return std::nullopt;
+    const std::string digits = std::to_string(value);
+    if (digits.size() < width) name.append(width - digits.size(), padding);
+    name += digits;
+    filled = true;
+  }
+  if (!filled) return std::nullopt;
+  return name;
+}
+
+std::vector<std::string> names_of_pattern(const std::string& pattern, long long first, long long last,
+                                          long long step) {
+  constexpr long long most = 1000000;
+  constexpr long long largest = 1LL << 40;
+  std::vector<std::string> names;
+  if (step == 0 || std::abs(first) > largest || std::abs(last) > largest || std::abs(step) > largest)
+    return names;
+  if ((last - first) / step < 0 || (last - first) / step >= most) return names;
+  for (long long n = 0; n <= (last - first) / step; ++n) {
+    const auto name = filled_pattern(pattern, first + n * step);
+    if (!name) return {};
+    names.push_back(*name);
+  }
+  return names;
+}
+
+std::optional<double> millimetres_in(const std::string& unit) {
+  static const std::map<std::string, double> units{
+      {"mm", 1.0},          {"millimeter", 1.0}, {"millimeters", 1.0}, {"millimetre", 1.0},
+      {"millimetres", 1.0}, {"cm", 10.0},        {"centimeter", 10.0}, {"centimeters", 10.0},
+      {"dm", 100.0},        {"m", 1000.0},       {"meter", 1000.0},    {"meters", 1000.0},
+      {"metre", 1000.0},    {"um", 1e-3},        {"\xC2\xB5m", 1e-3},  {"\xCE\xBCm", 1e-3},
+      {"micron", 1e-3},     {"microns", 1e-3},   {"micrometer", 1e-3}, {"micrometers", 1e-3},
+      {"nm", 1e-6},         {"in", 25.4},        {"inch", 25.4},       {"inches", 25.4}};
+  const auto found = units.find(lower_case(trimmed(unit)));
+  if (found == units.end()) return std::nullopt;
+  return found->second;
+}
+
+std::optional<double> seconds_in(const std::string& unit) {
+  static const std::map<std::string, double> units{
+      {"s", 1.0},     {"sec", 1.0}, {"second", 1.0},       {"seconds", 1.0},       {"ms", 1e-3},
+      {"msec", 1e-3}, {"us", 1e-6}, {"millisecond", 1e-3}, {"milliseconds", 1e-3}, {"min", 60.0}};
+  const auto found = units.find(lower_case(trimmed(unit)));
+  if (found == units.end()) return std::nullopt;
+  return found->second;
 }
 
 }  // namespace palpate::imaging::reading
