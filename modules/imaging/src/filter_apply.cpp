@@ -73,7 +73,11 @@ core::Volume run_step(const PreparedStep& step, const core::Volume& volume,
 std::vector<double> measure(const PreparedStep& step, const core::Volume& volume,
                             const core::Progress& progress) {
   if (!step.entry->measure) return {};
-  return step.entry->measure(volume, step.parameters, progress);
+  try {
+    return step.entry->measure(volume, step.parameters, progress);
+  } catch (const std::bad_alloc&) {
+    throw_memory(step.entry->description, step.entry->bytes_per_voxel * static_cast<double>(volume.size()));
+  }
 }
 
 /// Slices [begin, end) across `axis`, in a volume of their own at the same place.

@@ -273,7 +273,8 @@ TEST(ParseFilter, RefusesWhatItDoesNotKnowAndSaysWhatItTakes) {
   EXPECT_THAT(usage_text_of("blur"), HasSubstr("median, mean, gaussian"));
   EXPECT_THAT(usage_text_of(""), HasSubstr("median, mean, gaussian"));
   EXPECT_THAT(usage_text_of("Median"), HasSubstr("median, mean, gaussian"));
-  EXPECT_THAT(usage_text_of("median:sigma=1"), HasSubstr("radius_voxels (a whole number from 1 to 8 voxels)"));
+  EXPECT_THAT(usage_text_of("median:sigma=1"),
+              HasSubstr("radius_voxels (a whole number from 1 to 8 voxels)"));
   EXPECT_THAT(usage_text_of("gaussian:sigma_voxels=1"), HasSubstr("sigma_mm"));
   EXPECT_THAT(usage_text_of("median:"), HasSubstr("key=value"));
   EXPECT_THAT(usage_text_of("median:radius"), HasSubstr("key=value"));
