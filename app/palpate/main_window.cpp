@@ -16,6 +16,7 @@
 #include "status_strip.hpp"
 #include "text.hpp"
 #include "theme.hpp"
+#include "time_bar.hpp"
 #include "transport_bar.hpp"
 #include "ui_main_window.h"
 #include "views/view_grid.hpp"
@@ -45,10 +46,14 @@ MainWindow::MainWindow(const WindowOptions& options, QWidget* parent)
     : QMainWindow(parent),
       settings_(open_settings(options.settings_file)),
       options_(options),
+      scanner_memory_(*settings_),
       ui_(std::make_unique<Ui::MainWindow>()),
       recent_(*settings_) {
   ui_->setupUi(this);
   setAcceptDrops(true);
+  workbench_.set_scanner_memory(&scanner_memory_);
+  if (const auto mb = settings_->value(QStringLiteral("memory/frames_mb")).toULongLong(); mb > 0)
+    workbench_.set_frame_budget(static_cast<std::size_t>(mb) << 20);
   if (!options.device.isEmpty()) workbench_.set_device(options.device);
   build_centre();
   build_side();
@@ -77,6 +82,7 @@ void MainWindow::build_centre() {
   ui_->centre->addWidget(views_);
   column->insertWidget(0, messages_);
   column->addWidget(new JobBar(workbench_.jobs(), this));
+  column->addWidget(new TimeBar(workbench_, this));
   column->addWidget(transport_);
   column->addWidget(status_);
   column->setStretchFactor(ui_->centre, 1);
@@ -161,11 +167,7 @@ void MainWindow::wire_results() {
     ui_->centre->setCurrentWidget(views_);
     transport_->show();
     setWindowTitle(tr("%1 – Palpate").arg(workbench_.input_name()));
-    const auto& info = workbench_.info();
-    side_->header(steps::data)
-        .set_result(QStringLiteral("%1 · %2 · %3")
-                        .arg(workbench_.input_name(), describe_dims(info.geometry), describe_spacing(info)),
-                    true);
+    show_data_result();
     for (const int step : {steps::filter, steps::tissue, steps::simulate, steps::picture}) {
       side_->header(step).set_result({}, false);
     }
@@ -173,6 +175,8 @@ void MainWindow::wire_results() {
     const QFileInfo file(QString::fromStdString(workbench_.recipe().input.path.string()));
     if (file.exists() && file != QFileInfo(options_.sample_file)) recent_.add(file.absoluteFilePath());
   });
+  connect(&workbench_, &Workbench::geometryStated, this, &MainWindow::show_data_result);
+  connect(&workbench_, &Workbench::orientationRemembered, this, &MainWindow::tell_orientation);
   connect(&workbench_, &Workbench::volumeFiltered, this, [this] {
     side_->header(steps::filter).set_result(filter_->result(), true);
     side_->open_step(steps::tissue);
@@ -196,7 +200,8 @@ void MainWindow::wire_results() {
     const auto& frame = *workbench_.last_frame();
     auto& header = side_->header(steps::simulate);
     if (frame.time_s <= 0.0) return;
-    const QString moved = tr("moved up to %1 mm").arg(frame.max_displacement_mm, 0, 'f', 1);
+    const QString moved =
+        tr("moved up to %1").arg(describe_length(frame.max_displacement_mm, workbench_.info()));
     if (!header.done() || header.result() != moved) header.set_result(moved, true);
   });
   connect(&workbench_, &Workbench::pictureSaved, this, [this](const QString& path) {
@@ -226,11 +231,25 @@ void MainWindow::choose_folder() {
   open(path);
 }
 
-void MainWindow::choose_series(const QString& path, const QVector<SeriesChoice>& series) {
+void MainWindow::choose_series(const QString&, const std::vector<imaging::SeriesSummary>& series) {
   auto* dialog = new SeriesDialog(series, this);
-  connect(dialog, &SeriesDialog::seriesChosen, this,
-          [this, path](const QString& uid) { workbench_.open(path, uid.toStdString()); });
+  connect(
+      dialog, &SeriesDialog::seriesChosen, this,
+      [this](const QString& path, const QString& uid) { workbench_.open(path, uid.toStdString()); });
   dialog->open();
+}
+
+void MainWindow::show_data_result() {
+  side_->header(steps::data)
+      .set_result(QStringLiteral("%1 · %2").arg(workbench_.input_name(), describe_volume(workbench_.info())),
+                  true);
+}
+
+void MainWindow::tell_orientation(const QString& orientation) {
+  messages_->show_info(tr("%1 was taken as the orientation, as you chose last time for %2.")
+                           .arg(orientation, QString::fromStdString(workbench_.info().scanner)),
+                       tr("As the file says"),
+                       [this] { workbench_.state_orientation(QStringLiteral("file")); });
 }
 
 void MainWindow::choose_picture() {

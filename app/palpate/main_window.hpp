@@ -1,6 +1,7 @@
 #pragma once
 
 #include "recent_files.hpp"
+#include "scanner_memory.hpp"
 #include "views/view_state.hpp"
 #include "workbench.hpp"
 
@@ -23,6 +24,7 @@ class JobBar;
 class MessageBar;
 class SidePanel;
 class StatusStrip;
+class TimeBar;
 class TransportBar;
 class ViewGrid;
 
@@ -69,7 +71,9 @@ class MainWindow : public QMainWindow {
   void restore();
   void choose_file();
   void choose_folder();
-  void choose_series(const QString& path, const QVector<SeriesChoice>& series);
+  void choose_series(const QString& path, const std::vector<imaging::SeriesSummary>& series);
+  void show_data_result();
+  void tell_orientation(const QString& orientation);
   void choose_picture();
   void refresh_recent();
   void refresh_actions();
@@ -79,6 +83,7 @@ class MainWindow : public QMainWindow {
 
   std::unique_ptr<QSettings> settings_;
   WindowOptions options_;
+  ScannerMemory scanner_memory_;
   std::unique_ptr<Ui::MainWindow> ui_;
   Workbench workbench_;
   ViewState state_;

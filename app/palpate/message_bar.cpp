@@ -13,6 +13,15 @@ namespace palpate::gui {
 
 MessageBar::MessageBar(QWidget* parent) : QFrame(parent), ui_(std::make_unique<Ui::MessageBar>()) {
   ui_->setupUi(this);
+  action_ = new QPushButton(this);
+  action_->setObjectName(QStringLiteral("messageAction"));
+  action_->setAccessibleName(tr("What to do about it"));
+  action_->setToolTip(action_->accessibleName());
+  ui_->layout89->insertWidget(ui_->layout89->indexOf(ui_->messageOffer), action_);
+  connect(action_, &QPushButton::clicked, this, [this] {
+    hide();
+    if (act_) act_();
+  });
   ui_->messageClose->setIcon(icon("close"));
   ui_->messageCopyButton->setIcon(icon("copy"));
   // The sentence takes the width; the buttons take what they need.
@@ -20,7 +29,7 @@ MessageBar::MessageBar(QWidget* parent) : QFrame(parent), ui_(std::make_unique<U
   wide.setHorizontalStretch(1);
   wide.setHeightForWidth(true);
   ui_->messageText->setSizePolicy(wide);
-  for (auto* button : {ui_->messageOffer, ui_->messageDetailsButton, ui_->messageCopyButton}) {
+  for (auto* button : {action_, ui_->messageOffer, ui_->messageDetailsButton, ui_->messageCopyButton}) {
     button->setSizePolicy(QSizePolicy::Maximum, QSizePolicy::Fixed);
   }
   ui_->messageDetails->hide();
@@ -50,6 +59,7 @@ void MessageBar::show_kind(const char* kind, const char* icon_name, const QColor
 
 void MessageBar::show_problem(const Problem& problem) {
   problem_ = problem;
+  action_->hide();
   ui_->messageOffer->setVisible(problem.offer == Problem::Offer::reference_device);
   ui_->messageDetailsButton->setVisible(!problem.details.isEmpty());
   ui_->messageCopyButton->show();
@@ -61,7 +71,13 @@ void MessageBar::show_problem(const Problem& problem) {
   }
 }
 
-void MessageBar::show_info(const QString& text) {
+void MessageBar::show_info(const QString& text) { show_info(text, QString(), {}); }
+
+void MessageBar::show_info(const QString& text, const QString& action, std::function<void()> act) {
+  act_ = std::move(act);
+  action_->setText(action);
+  action_->setToolTip(action);
+  action_->setVisible(!action.isEmpty());
   problem_ = {};
   problem_.text = text;
   ui_->messageOffer->hide();

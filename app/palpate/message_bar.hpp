@@ -4,7 +4,10 @@
 
 #include <QFrame>
 
+#include <functional>
 #include <memory>
+
+class QPushButton;
 
 namespace Ui {
 class MessageBar;
@@ -21,6 +24,8 @@ class MessageBar : public QFrame {
   ~MessageBar() override;
   void show_problem(const Problem& problem);
   void show_info(const QString& text);
+  /// With one thing to do about it.
+  void show_info(const QString& text, const QString& action, std::function<void()> act);
 
  signals:
   void referenceRequested();
@@ -30,6 +35,8 @@ class MessageBar : public QFrame {
   void copy() const;
 
   std::unique_ptr<Ui::MessageBar> ui_;
+  QPushButton* action_;
+  std::function<void()> act_;
   Problem problem_;
 };
 

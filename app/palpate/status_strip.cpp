@@ -179,12 +179,13 @@ void StatusStrip::explain_step() {
   QMenu menu(this);
   menu.setObjectName(QStringLiteral("stepMenu"));
   auto* text =
-      new QLabel(tr("Point %1 at %2, %3, %4 mm limits the step:\nits links are the stiffest. Stiffness and "
+      new QLabel(tr("Point %1 at %2, %3, %4 %5 limits the step:\nits links are the stiffest. Stiffness and "
                     "damping move the limit.")
                      .arg(grouped(frame->worst_point))
-                     .arg(place.x(), 0, 'f', 1)
-                     .arg(place.y(), 0, 'f', 1)
-                     .arg(place.z(), 0, 'f', 1),
+                     .arg(in_length_unit(place.x(), workbench_.info()), 0, 'f', 1)
+                     .arg(in_length_unit(place.y(), workbench_.info()), 0, 'f', 1)
+                     .arg(in_length_unit(place.z(), workbench_.info()), 0, 'f', 1)
+                     .arg(length_unit(workbench_.info())),
                  &menu);
   text->setMargin(8);
   auto* words = new QWidgetAction(&menu);

@@ -2,6 +2,7 @@
 
 #include "icons.hpp"
 #include "text.hpp"
+#include "theme.hpp"
 #include "ui_transport_bar.h"
 
 #include <cmath>
@@ -17,6 +18,7 @@ double tenths(double value) { return std::round(value * 10.0) / 10.0 + 0.0; }
 TransportBar::TransportBar(Workbench& workbench, QWidget* parent)
     : QFrame(parent), workbench_(workbench), ui_(std::make_unique<Ui::TransportBar>()) {
   ui_->setupUi(this);
+  ui_->simulationIcon->setPixmap(icon_pixmap("surface", colors::quiet_text, 20, devicePixelRatioF()));
   ui_->stepButton->setIcon(icon("step"));
   ui_->resetButton->setIcon(icon("reset"));
   for (auto* button : {ui_->playPauseButton, ui_->stepButton, ui_->resetButton})
@@ -39,8 +41,9 @@ void TransportBar::refresh() {
   const bool playing = workbench_.playing();
   for (auto* button : {ui_->playPauseButton, ui_->stepButton, ui_->resetButton}) button->setEnabled(ready);
   ui_->playPauseButton->setIcon(icon(playing ? "pause" : "play"));
-  ui_->playPauseButton->setToolTip(playing ? tr("Pause (Space)") : tr("Play (Space)"));
-  ui_->playPauseButton->setAccessibleName(playing ? tr("Pause") : tr("Play"));
+  ui_->playPauseButton->setToolTip(playing ? tr("Pause the simulation (Space)")
+                                           : tr("Play the simulation (Space)"));
+  ui_->playPauseButton->setAccessibleName(playing ? tr("Pause the simulation") : tr("Play the simulation"));
   const auto& frame = workbench_.last_frame();
   if (!workbench_.has_tissue()) {
     ui_->timeLabel->setText(QString());
@@ -63,14 +66,17 @@ void TransportBar::show_cursor(bool inside, double x_mm, double y_mm, double z_m
     voxel[axis] = std::clamp(static_cast<int>(std::lround(ijk[static_cast<Eigen::Index>(axis)])), 0,
                              volume.dims()[axis] - 1);
   }
-  ui_->cursorLabel->setText(tr("voxel %1, %2, %3   ·   %4, %5, %6 mm   ·   value %7")
-                                .arg(voxel[0])
-                                .arg(voxel[1])
-                                .arg(voxel[2])
-                                .arg(tenths(x_mm), 0, 'f', 1)
-                                .arg(tenths(y_mm), 0, 'f', 1)
-                                .arg(tenths(z_mm), 0, 'f', 1)
-                                .arg(short_number(volume.at(voxel[0], voxel[1], voxel[2]))));
+  // A picture has no depth; what has no known size has no millimetres.
+  const bool deep = volume.dims()[2] > 1;
+  QStringList parts{deep ? tr("voxel %1, %2, %3").arg(voxel[0]).arg(voxel[1]).arg(voxel[2])
+                         : tr("pixel %1, %2").arg(voxel[0]).arg(voxel[1])};
+  if (!workbench_.info().spacing_is_assumed()) {
+    QString place = QStringLiteral("%1, %2").arg(tenths(x_mm), 0, 'f', 1).arg(tenths(y_mm), 0, 'f', 1);
+    if (deep) place += QStringLiteral(", %1").arg(tenths(z_mm), 0, 'f', 1);
+    parts << place + QStringLiteral(" mm");
+  }
+  parts << tr("value %1").arg(short_number(volume.at(voxel[0], voxel[1], voxel[2])));
+  ui_->cursorLabel->setText(parts.join(QStringLiteral("   ·   ")));
 }
 
 }  // namespace palpate::gui

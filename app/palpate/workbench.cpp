@@ -2,36 +2,15 @@
 
 #include "text.hpp"
 
-#include "palpate/imaging/phantom.hpp"
-
-#include <QDir>
 #include <QFileInfo>
-
-#include <filesystem>
 
 namespace palpate::gui {
 namespace {
 
 // A slider that is dragged changes its value many times; one estimate when it rests.
 constexpr int estimate_delay_ms = 150;
-
-std::filesystem::path native(const QString& path) {
-  return std::filesystem::path(QFile::encodeName(path).toStdString());
-}
-
-core::VolumeSequence make_sample(const core::Progress& progress) {
-  imaging::Phantom phantom = imaging::make_phantom({}, progress);
-  core::VolumeSequence sequence;
-  sequence.info.format = "Palpate sample";
-  sequence.info.geometry = phantom.frames.front().geometry();
-  sequence.info.pixel_type = "uint8";
-  sequence.info.spacing_provenance.fill(core::Provenance::stated);
-  sequence.info.origin_provenance = core::Provenance::stated;
-  sequence.info.direction_provenance = core::Provenance::stated;
-  sequence.info.patient_axes = true;
-  sequence.frames.push_back(phantom.frames.front());
-  return sequence;
-}
+// Frames that are passed over are neither filtered nor counted.
+constexpr int rest_delay_ms = 300;
 
 }  // namespace
 
@@ -40,12 +19,16 @@ Workbench::Workbench(QObject* parent) : QObject(parent) {
   estimate_delay_.setSingleShot(true);
   estimate_delay_.setInterval(estimate_delay_ms);
   connect(&estimate_delay_, &QTimer::timeout, this, &Workbench::run_estimate);
+  rest_delay_.setSingleShot(true);
+  rest_delay_.setInterval(rest_delay_ms);
+  connect(&rest_delay_, &QTimer::timeout, this, &Workbench::rest_at_frame);
   frame_delay_.setSingleShot(true);
   frame_delay_.setTimerType(Qt::PreciseTimer);
   connect(&frame_delay_, &QTimer::timeout, this, &Workbench::take_frame);
 }
 
 Workbench::~Workbench() {
+  frame_jobs_.cancel_all();
   jobs_.cancel_all();
   stop_driver();
   retired_.clear();  // waits for them: they speak to this object
@@ -72,92 +55,6 @@ visualization::SceneContent Workbench::content() const {
     }
   }
   return content;
-}
-
-void Workbench::open(const QString& path, const std::string& series_uid) {
-  session::InputSettings input;
-  input.path = native(QDir(path).absolutePath());
-  input.series_uid = series_uid;
-  read(input, tr("Reading %1").arg(QFileInfo(path).fileName()));
-}
-
-void Workbench::open_sample(const QString& path) {
-  if (!path.isEmpty() && QFileInfo::exists(path)) {
-    open(path);
-    return;
-  }
-  jobs_.start(
-      JobLane::open, tr("Making the sample heart"),
-      [this](const core::Progress& progress) -> JobTracker::Delivery {
-        auto sequence = std::make_shared<core::VolumeSequence>(make_sample(progress));
-        session::InputSettings input;
-        input.path = "sample-heart";
-        return [this, sequence, input] { take_volume(std::move(*sequence), input); };
-      },
-      [this](const core::Error& error) { fail(error); });
-}
-
-void Workbench::reopen(int frame, const std::optional<std::array<double, 3>>& spacing_mm) {
-  session::InputSettings input = recipe_.input;
-  input.frame = frame;
-  input.spacing_mm = spacing_mm;
-  read(input, tr("Reading %1 again").arg(input_name()));
-}
-
-void Workbench::read(const session::InputSettings& input, const QString& title) {
-  jobs_.start(
-      JobLane::open, title,
-      [this, input](const core::Progress& progress) -> JobTracker::Delivery {
-        auto sequence = std::make_shared<core::VolumeSequence>(session::read_input(input, progress));
-        return [this, sequence, input] { take_volume(std::move(*sequence), input); };
-      },
-      [this, input](const core::Error& error) {
-        if (error.code() == "several-series" && input.series_uid.empty()) {
-          list_series(QString::fromStdString(input.path.string()));
-        } else {
-          fail(error);
-        }
-      });
-}
-
-void Workbench::list_series(const QString& path) {
-  jobs_.start(
-      JobLane::open, tr("Looking through %1").arg(QFileInfo(path).fileName()),
-      [this, path](const core::Progress& progress) -> JobTracker::Delivery {
-        const auto reports = imaging::inspect({native(path)}, {}, progress);
-        QVector<SeriesChoice> series;
-        for (const auto& report : reports) {
-          for (const auto& volume : report.volumes) {
-            if (volume.series_uid.empty()) continue;
-            series.append({QString::fromStdString(volume.series_uid), describe_series(volume)});
-          }
-        }
-        return [this, path, series] { emit seriesFound(path, series); };
-      },
-      [this](const core::Error& error) { fail(error); });
-}
-
-// The scan that was open stays until the new one is there: a bad file costs nothing.
-void Workbench::take_volume(core::VolumeSequence sequence, const session::InputSettings& input) {
-  if (sequence.frames.empty()) {
-    fail(core::Error(core::ErrorKind::input, "no-image", "This file holds no image."));
-    return;
-  }
-  jobs_.cancel_lane(JobLane::filter);
-  drop_tissue();
-  recipe_.input = input;
-  recipe_.filters.clear();
-  recipe_.tissue.threshold_low.reset();
-  recipe_.tissue.threshold_high = std::numeric_limits<double>::infinity();
-  recipe_.tissue.crop.reset();
-  recipe_.surface.mesh.reset();  // it lies where the scan before lay
-  info_ = std::move(sequence.info);
-  volume_ = sequence.frames.front();
-  filtered_ = volume_;
-  emit volumeOpened();
-  emit tissueParametersChanged();
-  emit surfaceSourceChanged();
-  start_estimate();
 }
 
 void Workbench::apply_filters(const std::vector<imaging::FilterStep>& chain) {
@@ -203,7 +100,7 @@ void Workbench::set_face_budget(int faces) { recipe_.surface.face_budget = faces
 
 void Workbench::set_surface_mesh(const QString& path, surface::MeshSpace space) {
   recipe_.surface.mesh.reset();
-  if (!path.isEmpty()) recipe_.surface.mesh = native(path);
+  if (!path.isEmpty()) recipe_.surface.mesh = native_path(path);
   recipe_.surface.mesh_space = space;
   emit surfaceSourceChanged();
 }
@@ -233,17 +130,25 @@ void Workbench::run_estimate() {
 
 void Workbench::build_tissue() {
   if (!has_volume()) return;
+  const bool filtered = frame_is_filtered();
   jobs_.start(
       JobLane::tissue, tr("Building tissue"),
-      [this, volume = filtered_, recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
+      [this, volume = filtered ? filtered_ : volume_, filtered,
+       recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
+        const double begin = filtered ? 0.0 : 0.5;
+        const core::Volume source =
+            filtered ? volume
+                     : session::filter_volume(volume, recipe.filters, {}, progress.part(0.0, begin)).volume;
+        const core::Progress rest = progress.part(begin, 1.0);
         auto built = std::make_shared<session::BuiltTissue>(
-            session::build_tissue(volume, recipe, progress.part(0.0, 0.6)));
+            session::build_tissue(source, recipe, rest.part(0.0, 0.6)));
         auto surface = std::make_shared<session::BoundSurface>(
-            session::build_surface(volume, *built, recipe, progress.part(0.6, 1.0)));
-        return [this, built, surface] {
+            session::build_surface(source, *built, recipe, rest.part(0.6, 1.0)));
+        return [this, built, surface, frame = recipe.input.frame] {
           stop_driver();
           built_ = std::move(*built);
           surface_ = std::move(*surface);
+          tissue_frame_ = frame;
           emit tissueBuilt();
           start_driver();
         };
@@ -260,7 +165,7 @@ void Workbench::save_picture(const QString& path, const visualization::ViewSetti
         const core::Picture picture =
             visualization::draw_picture(scene, settings, request, progress.part(0.0, 0.7));
         progress.report(0.7, "writing");
-        visualization::save_png(native(path), picture);
+        visualization::save_png(native_path(path), picture);
         return [this, path] { emit pictureSaved(path); };
       },
       [this](const core::Error& error) { fail(error); });

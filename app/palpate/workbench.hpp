@@ -1,5 +1,7 @@
 #pragma once
 
+#include "filtered_frames.hpp"
+#include "frame_source.hpp"
 #include "job_tracker.hpp"
 
 #include "palpate/imaging/reader.hpp"
@@ -30,11 +32,7 @@ struct Problem {
   Offer offer = Offer::none;
 };
 
-/// A series of a folder, to choose from.
-struct SeriesChoice {
-  QString uid;
-  QString text;  ///< "US · 147 × 106 × 104 · 0.5 mm"; never a patient's name
-};
+class ScannerMemory;
 
 /// Where a simulation can run.
 struct DeviceChoice {
@@ -57,7 +55,9 @@ class Workbench : public QObject {
   bool has_volume() const { return !volume_.empty(); }
   bool has_tissue() const { return built_.has_value(); }
   bool is_filtered() const { return !recipe_.filters.empty() && has_volume(); }
+  /// With what the user stated in the place of what the file says.
   const core::VolumeInfo& info() const { return info_; }
+  const core::VolumeInfo& file_info() const { return file_info_; }
   const core::Volume& volume() const { return volume_; }
   const core::Volume& filtered() const { return filtered_; }
   const std::optional<session::Estimate>& estimate() const { return estimate_; }
@@ -74,9 +74,34 @@ class Workbench : public QObject {
 
   // Data
   void open(const QString& path, const std::string& series_uid = {});
+  void open(const session::InputSettings& input);
   void open_sample(const QString& path);
-  /// Reads the present input again: another frame or a stated spacing.
-  void reopen(int frame, const std::optional<std::array<double, 3>>& spacing_mm);
+  /// Lays the voxels out anew, without reading them again; the tissue is dropped.
+  void state_spacing(const std::optional<std::array<double, 3>>& spacing_mm);
+  /// Three letters, or "file": as the file says. Remembered for the scanner
+  /// where its files leave the orientation open.
+  void state_orientation(const QString& orientation);
+  /// Of orientations; may be null. It must outlive the workbench.
+  void set_scanner_memory(ScannerMemory* memory) { scanner_memory_ = memory; }
+  /// The orientation is the one remembered for the scanner.
+  bool orientation_was_remembered() const { return remembered_; }
+  // Time
+  int frame() const { return recipe_.input.frame; }  ///< that is shown
+  int frame_count() const { return has_volume() ? info_.frames : 0; }
+  /// That was asked for last: the one that is shown, or one that is on its way.
+  int wanted_frame() const { return wanted_frame_.value_or(frame()); }
+  /// That the tissue was built from; -1 without tissue.
+  int tissue_frame() const { return built_ ? tissue_frame_ : -1; }
+  /// The filter chain was applied to the frame that is shown (or is empty).
+  bool frame_is_filtered() const;
+  /// Loads it in the background and shows it then; of several only the newest.
+  void show_frame(int frame);
+  /// While frames follow each other none is filtered that was not before.
+  void set_scan_playing(bool playing);
+  bool scan_playing() const { return scan_playing_; }
+  /// Memory for the frames of a 4-D scan, from the next one that is opened.
+  void set_frame_budget(std::size_t bytes) { frame_budget_bytes_ = bytes; }
+  std::size_t frame_budget() const { return frame_budget_bytes_; }
   // Filter
   void apply_filters(const std::vector<imaging::FilterStep>& chain);
   // Tissue
@@ -109,7 +134,11 @@ class Workbench : public QObject {
 
  signals:
   void volumeOpened();
-  void seriesFound(const QString& path, const QVector<palpate::gui::SeriesChoice>& series);
+  void geometryStated();  ///< the same voxels lie elsewhere
+  void orientationRemembered(const QString& orientation);
+  void frameWanted();
+  void frameShown();
+  void seriesFound(const QString& path, const std::vector<palpate::imaging::SeriesSummary>& series);
   void volumeFiltered();
   void estimateStarted();
   void tissueEstimated();
@@ -129,9 +158,15 @@ class Workbench : public QObject {
   void problemFound(const palpate::gui::Problem& problem);
 
  private:
-  void read(const session::InputSettings& input, const QString& title);
-  void list_series(const QString& path);
-  void take_volume(core::VolumeSequence sequence, const session::InputSettings& input);
+  struct OpenedScan;
+  void list_series(const session::InputSettings& input, const core::Error& why);
+  void take_scan(OpenedScan scan);
+  bool scan_memory_applies(const core::VolumeInfo& info, const std::string& orientation) const;
+  void restate();
+  void load_wanted_frame();
+  void take_scan_frame(int frame, const core::Volume& volume);
+  void rest_at_frame();
+  void filter_frame();
   void drop_tissue();
   void start_estimate();
   void run_estimate();
@@ -143,7 +178,9 @@ class Workbench : public QObject {
   void fail(const core::Error& error);
 
   session::Recipe recipe_;
+  core::VolumeInfo file_info_;
   core::VolumeInfo info_;
+  FrameSource frames_;
   core::Volume volume_;
   core::Volume filtered_;
   std::optional<session::Estimate> estimate_;
@@ -155,14 +192,25 @@ class Workbench : public QObject {
   /// Held firmly, the tissue stays with the hand; a soft grab lets it slip out behind.
   interaction::SelectionKind grab_kind_ = interaction::SelectionKind::connected;
   bool ready_ = false;
+  ScannerMemory* scanner_memory_ = nullptr;
+  bool remembered_ = false;
+  std::size_t frame_budget_bytes_ = standard_frame_budget();
+  std::optional<int> wanted_frame_;
+  int tissue_frame_ = -1;
+  bool scan_playing_ = false;
+  FilteredFrames filtered_frames_;
 
+  QTimer rest_delay_;
   QTimer estimate_delay_;
   QTimer frame_delay_;
   QElapsedTimer since_frame_;
   quint64 driver_epoch_ = 0;
   std::unique_ptr<session::SimulationDriver> driver_;
   std::vector<std::future<void>> retired_;  ///< drivers that end in threads of their own
-  JobTracker jobs_;                         // last: its worker ends before what it delivers to
+  // Last: their workers end before what they deliver to. Frames have one of
+  // their own, so that none waits behind a filter.
+  JobTracker frame_jobs_;
+  JobTracker jobs_;
 };
 
 }  // namespace palpate::gui

@@ -12,7 +12,8 @@ class DataPanel;
 
 namespace palpate::gui {
 
-/// Step 1: which scan, and what its file says of it.
+/// Step 1: which scan, what its file says of it and where that came from, and
+/// what the user says in its place.
 class DataPanel : public QWidget {
   Q_OBJECT
 
@@ -25,10 +26,20 @@ class DataPanel : public QWidget {
   void openFolderRequested();
   void openSampleRequested();
 
+ protected:
+  bool eventFilter(QObject* watched, QEvent* event) override;
+
  private:
-  void show_volume();
+  void wire();
+  void show_scan();
+  void show_geometry();
+  void show_spacing();
+  void show_orientation();
+  void show_times();
+  void show_warnings();
   void show_note();
-  void reread();
+  void take_spacing();
+  void copy_report() const;
 
   Workbench& workbench_;
   std::unique_ptr<Ui::DataPanel> ui_;

@@ -1,6 +1,7 @@
 #include "panels/simulate_panel.hpp"
 
 #include "panels/more_button.hpp"
+#include "text.hpp"
 #include "ui_simulate_panel.h"
 
 #include <QSignalBlocker>
@@ -32,6 +33,8 @@ SimulatePanel::SimulatePanel(Workbench& workbench, QWidget* parent)
     for (const auto& device : devices) ui_->deviceCombo->addItem(device.text, device.selector);
     ui_->deviceCombo->setCurrentIndex(std::max(0, ui_->deviceCombo->findData(workbench_.device())));
   });
+  connect(&workbench_, &Workbench::volumeOpened, this, &SimulatePanel::show_units);
+  connect(&workbench_, &Workbench::geometryStated, this, &SimulatePanel::show_units);
   connect(&workbench_, &Workbench::simulationSettingsChanged, this, &SimulatePanel::show_settings);
   for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady,
                             &Workbench::tissueDropped, &Workbench::frameArrived}) {
@@ -48,8 +51,8 @@ void SimulatePanel::take_settings() {
   settings.parameters.stiffness_per_s2 = ui_->stiffnessSpin->value();
   settings.parameters.damping_per_s = ui_->dampingSpin->value();
   settings.parameters.drag_per_s = ui_->dragSpin->value();
-  settings.parameters.gravity_mm_per_s2 = {ui_->gravityX->value(), ui_->gravityY->value(),
-                                           ui_->gravityZ->value()};
+  settings.parameters.gravity_mm_per_s2 = {ui_->gravityX->value() / per_mm_, ui_->gravityY->value() / per_mm_,
+                                           ui_->gravityZ->value() / per_mm_};
   if (ui_->stepAuto->isChecked()) {
     settings.step_s.reset();
   } else {
@@ -61,7 +64,24 @@ void SimulatePanel::take_settings() {
 void SimulatePanel::take_grab() {
   using interaction::SelectionKind;
   constexpr SelectionKind kinds[] = {SelectionKind::connected, SelectionKind::sphere, SelectionKind::fuzzy};
-  workbench_.set_grab(ui_->radiusSpin->value(), kinds[ui_->grabKindCombo->currentIndex()]);
+  workbench_.set_grab(ui_->radiusSpin->value() / per_mm_, kinds[ui_->grabKindCombo->currentIndex()]);
+}
+
+// Lengths are told in voxels where nobody said how large one is.
+void SimulatePanel::show_units() {
+  const QString unit = QLatin1Char(' ') + length_unit(workbench_.info());
+  const double radius_mm = workbench_.grab_radius_mm();
+  per_mm_ = in_length_unit(1.0, workbench_.info());
+  {
+    const QSignalBlocker quiet(ui_->radiusSpin);
+    ui_->radiusSpin->setSuffix(unit);
+    ui_->radiusSpin->setToolTip(tr("Radius of what the grab holds, in %1").arg(unit.trimmed()));
+    ui_->radiusSpin->setAccessibleName(ui_->radiusSpin->toolTip());
+    ui_->radiusSpin->setValue(radius_mm * per_mm_);
+  }
+  for (auto* box : {ui_->gravityX, ui_->gravityY, ui_->gravityZ})
+    box->setSuffix(unit + QStringLiteral("/s²"));
+  show_settings();
 }
 
 void SimulatePanel::show_settings() {
@@ -70,9 +90,9 @@ void SimulatePanel::show_settings() {
   ui_->stiffnessSpin->setValue(settings.parameters.stiffness_per_s2);
   ui_->dampingSpin->setValue(settings.parameters.damping_per_s);
   ui_->dragSpin->setValue(settings.parameters.drag_per_s);
-  ui_->gravityX->setValue(settings.parameters.gravity_mm_per_s2.x());
-  ui_->gravityY->setValue(settings.parameters.gravity_mm_per_s2.y());
-  ui_->gravityZ->setValue(settings.parameters.gravity_mm_per_s2.z());
+  ui_->gravityX->setValue(settings.parameters.gravity_mm_per_s2.x() * per_mm_);
+  ui_->gravityY->setValue(settings.parameters.gravity_mm_per_s2.y() * per_mm_);
+  ui_->gravityZ->setValue(settings.parameters.gravity_mm_per_s2.z() * per_mm_);
   ui_->stepAuto->setChecked(!settings.step_s.has_value());
   if (settings.step_s) ui_->stepSpin->setValue(*settings.step_s * 1000.0);
   ui_->stepSpin->setEnabled(settings.step_s.has_value());

@@ -23,12 +23,14 @@ class SimulatePanel : public QWidget {
  private:
   void take_settings();
   void take_grab();
+  void show_units();
   void show_settings();
   void refresh();
 
   Workbench& workbench_;
   std::unique_ptr<Ui::SimulatePanel> ui_;
   bool filling_ = false;
+  double per_mm_ = 1.0;  ///< of the unit that lengths are shown in
 };
 
 }  // namespace palpate::gui

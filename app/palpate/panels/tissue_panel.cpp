@@ -75,6 +75,7 @@ void TissuePanel::wire() {
   connect(ui_->buildButton, &QPushButton::clicked, &workbench_, &Workbench::build_tissue);
   connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::set_ranges);
   connect(&workbench_, &Workbench::volumeFiltered, this, &TissuePanel::set_ranges);
+  connect(&workbench_, &Workbench::frameShown, this, &TissuePanel::show_note);
   connect(&workbench_, &Workbench::estimateStarted, this, [this] { show_waiting(tr("Counting…")); });
   connect(&workbench_, &Workbench::tissueEstimated, this, &TissuePanel::show_estimate);
   connect(&workbench_, &Workbench::estimateFailed, this, [this](const QString& why) { show_waiting(why); });
@@ -229,10 +230,17 @@ void TissuePanel::show_surface_source() {
 
 void TissuePanel::show_note() {
   const bool built = workbench_.has_tissue();
-  ui_->noteLabel->setText(changed_since_built_
-                              ? tr("Building again replaces the tissue that is shown and its pulls.")
-                              : QString());
-  ui_->noteLabel->setVisible(built && changed_since_built_);
+  const bool of_another = built && workbench_.tissue_frame() != workbench_.frame();
+  QString note;
+  if (of_another) {
+    note = tr("The tissue is of frame %1. Building again takes frame %2, and drops its pulls.")
+               .arg(workbench_.tissue_frame() + 1)
+               .arg(workbench_.frame() + 1);
+  } else if (changed_since_built_) {
+    note = tr("Building again replaces the tissue that is shown and its pulls.");
+  }
+  ui_->noteLabel->setText(note);
+  ui_->noteLabel->setVisible(built && !note.isEmpty());
   ui_->buildButton->setText(built ? tr("Build again") : tr("Build tissue"));
 }
 

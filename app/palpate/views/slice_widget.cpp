@@ -36,7 +36,15 @@ void SliceWidget::fit() {
   request_render();
 }
 
-void SliceWidget::step_slices(int count) { set_slice(view_.slice() + count); }
+// A scan of one slice has only its frames to step through.
+void SliceWidget::step_slices(int count) {
+  if (view_.slice_count() == 1 && workbench_.frame_count() > 1) {
+    const int frames = workbench_.frame_count();
+    workbench_.show_frame(((workbench_.wanted_frame() + count) % frames + frames) % frames);
+    return;
+  }
+  set_slice(view_.slice() + count);
+}
 
 void SliceWidget::set_slice(int index) {
   if (!workbench_.has_volume() || view_.slice_count() < 1) return;

@@ -37,6 +37,8 @@ ViewGrid::ViewGrid(Workbench& workbench, ViewState& state, QWidget* parent)
   }
   connect(tissue_, &GlView::rendered, this, [this] { drawn_ms_.push_back(clock_.elapsed()); });
   connect(&workbench_, &Workbench::volumeOpened, this, &ViewGrid::show_volume);
+  connect(&workbench_, &Workbench::geometryStated, this, &ViewGrid::show_geometry);
+  connect(&workbench_, &Workbench::frameShown, this, &ViewGrid::update_all_contents);
   connect(&workbench_, &Workbench::volumeFiltered, this, &ViewGrid::update_all_contents);
   connect(&workbench_, &Workbench::tissueDropped, this, &ViewGrid::update_all_contents);
   connect(&workbench_, &Workbench::tissueBuilt, this, [this] {
@@ -178,7 +180,32 @@ void ViewGrid::show_volume() {
   visualization::ViewSettings settings = visualization::standard_settings(workbench_.volume());
   settings.show = state_.settings().show;
   state_.set_settings(settings);
+  show_flat_scan();
   reset_views();
+}
+
+void ViewGrid::show_geometry() {
+  update_all_contents();
+  visualization::ViewSettings settings = state_.settings();
+  settings.crosshair_mm = visualization::standard_settings(workbench_.volume()).crosshair_mm;
+  settings.camera.reset();
+  state_.set_settings(settings);
+  show_flat_scan();
+  reset_views();
+}
+
+// One slice has nothing to show but itself; the layouts bring the rest back.
+void ViewGrid::show_flat_scan() {
+  const auto& geometry = workbench_.volume().geometry();
+  constexpr std::array<std::pair<Place, int>, 3> planes{{{axial, 2}, {sagittal, 0}, {coronal, 1}}};
+  int flat = -1;
+  for (const auto& [place, lps_axis] : planes)
+    if (geometry.dims()[2] == 1 && geometry.axis_closest_to(lps_axis) == 2) flat = place;
+  if (maximised_ >= 0 && flat_) toggle_maximised(maximised_);
+  flat_ = flat >= 0;
+  if (!flat_) return;
+  if (maximised_ >= 0) toggle_maximised(maximised_);
+  toggle_maximised(flat);
 }
 
 // While it plays, each frame draws the 3-D view and one of the slices in turn:

@@ -47,6 +47,8 @@ class ViewGrid : public QWidget {
   void arrange();
   void add_show_buttons();
   void show_volume();
+  void show_geometry();
+  void show_flat_scan();
   void show_frame();
   void update_all_contents();
 
@@ -59,6 +61,7 @@ class ViewGrid : public QWidget {
   ViewLayout layout_ = ViewLayout::four_up;
   ViewLayout before_ = ViewLayout::four_up;
   int maximised_ = -1;
+  bool flat_ = false;  ///< the scan is one slice, which was made large for it
   int next_slice_ = 0;
   int frames_without_slice_ = 0;
   QElapsedTimer clock_;
