@@ -1,354 +1,410 @@
-#include "dicom_header.hpp"
-#include "itk_image.hpp"
-
-#include "palpate/core/error.hpp"
-
-#include <Eigen/Geometry>
-#include <itkGDCMImageIO.h>
+// DICOM files to volumes: what is there, the grid that it makes, its pixels.
+#include "dicom_assembly.hpp"
+#include "dicom_calibration.hpp"
+#include "dicom_file.hpp"
+#include "dicom_frames.hpp"
+#include "dicom_pixels.hpp"
+#include "orientation.hpp"
+#include "parsed.hpp"
+#include "settle.hpp"
+#include "text_header.hpp"
+#include "vendor/kretz.hpp"
+#include "vendor/vendor.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <memory>
 #include <sstream>
+#include <tuple>
 
 namespace palpate::imaging::reading {
 namespace {
 
 using core::Provenance;
 
-/// One frame of one file and the place that it takes in the result.
-struct Slice {
-  std::size_t file = 0;
-  int file_frame = 0;
-  DicomPlane plane;
-  double along_mm = 0.0;  ///< of its position, along the normal
-  int frame = 0, k = 0;
+/// What is known of one file once it is closed again: a long series is not
+/// kept in memory.
+struct Part {
+  std::filesystem::path path;
+  DicomPixelForm form;
+  FileFrames frames;
+  Calibration calibration;
+  CineTimes times;
 };
 
-struct Assembly {
-  std::vector<Slice> slices;
-  std::array<int, 3> dims{1, 1, 1};
-  int frames = 1;
-  Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();
-  Eigen::Vector3d origin_mm = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d direction = Eigen::Matrix3d::Identity();
-};
-
-void check_alike(const std::vector<DicomHeader>& headers, const std::vector<Slice>& slices) {
-  const DicomHeader& first = headers.front();
-  constexpr double same_direction = 0.9998;  // a cosine: within about one degree
-  for (const auto& header : headers) {
-    if (header.rows != first.rows || header.columns != first.columns)
-      fail("no-volume", header.path.parent_path(),
-           "has slices of different sizes (" + header.path.filename().string() + " is " +
-               std::to_string(header.columns) + " x " + std::to_string(header.rows) +
-               "); they are no volume. Open one slice, or choose another series.");
-    if (header.spacing_mm[0] && first.spacing_mm[0] &&
-        (std::abs(*header.spacing_mm[0] / *first.spacing_mm[0] - 1.0) > 1e-3 ||
-         std::abs(*header.spacing_mm[1] / *first.spacing_mm[1] - 1.0) > 1e-3))
-      fail("no-volume", header.path.parent_path(),
-           "has slices with pixels of different sizes; they are no volume.");
-  }
-  for (const auto& slice : slices)
-    if (slice.plane.row.dot(slices.front().plane.row) < same_direction ||
-        slice.plane.column.dot(slices.front().plane.column) < same_direction)
-      fail("no-volume", headers[slice.file].path.parent_path(),
-           "has slices that lie in different directions, as those of a localizer do; they are no volume. "
-           "Open one "
-           "slice, or "
-           "choose another series.");
+void add_warnings(const std::vector<core::Warning>& more, core::VolumeInfo& info) {
+  for (const auto& warning : more)
+    if (std::none_of(info.warnings.begin(), info.warnings.end(), [&](const core::Warning& known) {
+          return known.code == warning.code && known.text == warning.text;
+        }))
+      info.warnings.push_back(warning);
 }
 
-/// Gives every slice its k and frame: equal places are different times.
-void number_slices(const std::vector<DicomHeader>& headers, Assembly& assembly, core::VolumeInfo& info) {
-  auto& slices = assembly.slices;
-  const Eigen::Vector3d normal = slices.front().plane.row.cross(slices.front().plane.column);
-  for (auto& slice : slices) slice.along_mm = slice.plane.position.dot(normal);
-  std::stable_sort(slices.begin(), slices.end(),
-                   [](const Slice& a, const Slice& b) { return a.along_mm < b.along_mm; });
-  constexpr double same_place_mm = 0.01;  // a tenth of the thinnest slice in use
-  std::vector<std::vector<Slice>> places;
-  for (const auto& slice : slices) {
-    if (places.empty() || slice.along_mm - places.back().front().along_mm > same_place_mm)
-      places.emplace_back();
-    places.back().push_back(slice);
+std::string date_of(const DicomItem& dataset) {
+  for (const DicomTag tag : {DicomTag{0x0008, 0x0022}, DicomTag{0x0008, 0x002A}, DicomTag{0x0008, 0x0023},
+                             DicomTag{0x0008, 0x0021}, DicomTag{0x0008, 0x0020}}) {
+    const std::string digits = dataset.text(tag).substr(0, 8);
+    if (digits.size() == 8 && whole_number(digits) && digits != "00000000")
+      return digits.substr(0, 4) + "-" + digits.substr(4, 2) + "-" + digits.substr(6, 2);
   }
-  std::size_t fewest = slices.size();
-  std::size_t most = 0;
-  for (auto& place : places) {
-    std::stable_sort(place.begin(), place.end(), [&](const Slice& a, const Slice& b) {
-      if (a.plane.time_s && b.plane.time_s && *a.plane.time_s != *b.plane.time_s)
-        return *a.plane.time_s < *b.plane.time_s;
-      if (headers[a.file].instance != headers[b.file].instance)
-        return headers[a.file].instance < headers[b.file].instance;
-      return a.file_frame < b.file_frame;
-    });
-    fewest = std::min(fewest, place.size());
-    most = std::max(most, place.size());
-  }
-  if (fewest != most)
-    warn(info, "duplicate-slices",
-         "Some places hold more slices than others; only those times that are whole were taken.");
-  // A single file's slices keep its order where that only runs backwards.
-  const bool backwards = headers.size() == 1 && places.size() > 1 &&
-                         places.front().front().file_frame > places.back().front().file_frame;
-  if (backwards) std::reverse(places.begin(), places.end());
-  slices.clear();
-  for (std::size_t k = 0; k < places.size(); ++k)
-    for (std::size_t frame = 0; frame < fewest; ++frame) {
-      slices.push_back(places[k][frame]);
-      slices.back().k = static_cast<int>(k);
-      slices.back().frame = static_cast<int>(frame);
-    }
-  assembly.dims[2] = static_cast<int>(places.size());
-  assembly.frames = static_cast<int>(fewest);
+  return {};
 }
 
-/// The third axis and its spacing from the places of the slices.
-void lay_third_axis(Assembly& assembly, core::VolumeInfo& info) {
-  std::vector<Slice> column;
-  for (const auto& slice : assembly.slices)
-    if (slice.frame == 0) column.push_back(slice);
-  const DicomPlane& plane = column.front().plane;
-  Eigen::Vector3d normal = plane.row.cross(plane.column);
-  assembly.origin_mm = plane.position;
-  const auto steps = static_cast<double>(column.size() - 1);
-  const Eigen::Vector3d step = (column.back().plane.position - plane.position) / steps;
-  if (step.dot(normal) < 0.0) normal = -normal;
-  double narrowest = 1e300;
-  double widest = 0.0;
-  double worst = 0.0;
-  for (std::size_t k = 1; k < column.size(); ++k) {
-    const double gap = std::abs(column[k].along_mm - column[k - 1].along_mm);
-    narrowest = std::min(narrowest, gap);
-    widest = std::max(widest, gap);
-    worst =
-        std::max(worst, (plane.position + step * static_cast<double>(k) - column[k].plane.position).norm());
-  }
-  const double mean_gap = std::abs(step.dot(normal));
-  if (widest - narrowest > 0.01 * mean_gap && worst > 0.02) {
-    std::ostringstream text;
-    text << "The slices are " << narrowest << " to " << widest << " mm apart; they are shown as if evenly "
-         << mean_gap << " mm, which puts some of them up to " << worst << " mm beside their place.";
-    warn(info, "uneven-slices", text.str());
-  }
-  const double tilt_degrees =
-      std::acos(std::min(1.0, mean_gap / step.norm())) * 180.0 / 3.14159265358979323846;
-  constexpr double rounding_degrees = 0.1;  // of positions written with a few digits
-  const bool tilted = tilt_degrees > rounding_degrees;
-  if (tilted) {
-    std::ostringstream text;
-    text << "The slices are shifted against each other by " << tilt_degrees
-         << " degrees (a tilted gantry); the voxels are placed on the slanted axis that the positions give.";
-    warn(info, "gantry-tilt", text.str());
-  }
-  assembly.direction.col(2) = tilted ? Eigen::Vector3d(step.normalized()) : normal;
-  assembly.spacing_mm[2] = tilted ? step.norm() : mean_gap;
-  info.spacing_provenance[2] = Provenance::derived;
+core::VolumeInfo info_of(const DicomItem& dataset) {
+  core::VolumeInfo info;
+  info.format = "DICOM";
+  info.modality = dataset.text({0x0008, 0x0060});
+  info.sop_class = dataset.text({0x0008, 0x0016});
+  info.series_uid = dataset.text({0x0020, 0x000E});
+  info.description = dataset.text({0x0008, 0x103E});
+  info.date = date_of(dataset);
+  info.scanner = scanner_of(dataset);
+  return info;
 }
 
-void take_slice_times(Assembly& assembly, core::VolumeInfo& info) {
-  std::vector<double> times(static_cast<std::size_t>(assembly.frames));
-  for (const auto& slice : assembly.slices) {
-    if (!slice.plane.time_s) return;
-    if (slice.k == 0) times[static_cast<std::size_t>(slice.frame)] = *slice.plane.time_s;
-  }
-  if (assembly.frames < 2) return;
-  const double first = times.front();
-  for (double& time : times) time -= first;
-  info.frame_times_s = times;
-  info.time_provenance = Provenance::stated;
+Part read_part(const DicomFile& file, const Context& context, core::VolumeInfo& info) {
+  Part part;
+  const DicomPixels pixels(file, context);
+  part.path = file.path();
+  part.form = pixels.form();
+  if (context.headers_only) add_warnings(pixels.warnings(), info);
+  part.frames = read_frames(file.dataset(), file.path(), part.form.columns, part.form.rows, part.form.frames,
+                            orientation_given(context.options));
+  part.calibration = calibrate(file.dataset());
+  if (part.frames.role == FrameRole::time) part.times = cine_times(file.dataset(), part.form.frames);
+  for (auto& record : part.frames.records)
+    if (!record.pixel_mm) record.pixel_mm = part.calibration.pixel_mm;
+  return part;
 }
 
-/// Puts the frames of all files into one grid.
-Assembly assemble(const std::vector<DicomHeader>& headers, core::VolumeInfo& info) {
-  const DicomHeader& first = headers.front();
+/// Frames of a file that says nothing of their places: times, or slices in their order.
+Assembly assemble_unplaced(const Part& part, core::VolumeInfo& info) {
+  const FileFrames& file = part.frames;
+  const FrameRecord& first = file.records.front();
   Assembly assembly;
   assembly.dims = {first.columns, first.rows, 1};
-  const bool placed = headers.size() > 1 || first.meaning == FrameMeaning::placed;
-  for (std::size_t file = 0; file < headers.size(); ++file) {
-    const DicomHeader& header = headers[file];
-    if (headers.size() > 1 && (header.frames != 1 || header.planes.size() != 1))
-      fail("no-volume", header.path.parent_path(),
-           "does not say where each picture lies; its files are no volume. Open one of the files.");
-    for (int frame = 0; frame < header.frames; ++frame) {
-      Slice slice;
-      slice.file = file;
-      slice.file_frame = slice.frame = frame;
-      if (header.planes.size() == static_cast<std::size_t>(header.frames))
-        slice.plane = header.planes[static_cast<std::size_t>(frame)];
-      assembly.slices.push_back(slice);
-    }
-  }
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    if (first.spacing_mm[axis])
-      assembly.spacing_mm[static_cast<Eigen::Index>(axis)] = *first.spacing_mm[axis];
-  const auto across = first.spacing_mm[2] ? Provenance::stated : Provenance::assumed;
-  info.spacing_provenance = {first.spacing_provenance, first.spacing_provenance, across};
-  if (!first.planes.empty()) {
-    const DicomPlane& plane = first.planes.front();
-    assembly.origin_mm = plane.position;
-    assembly.direction << plane.row, plane.column, plane.row.cross(plane.column);
+  if (first.pixel_mm)
+    assembly.spacing_mm.head<2>() = Eigen::Vector2d((*first.pixel_mm)[0], (*first.pixel_mm)[1]);
+  if (first.plane) {
+    assembly.origin_mm = first.plane->position;
+    assembly.direction << first.plane->row, first.plane->column, first.plane->normal();
     info.origin_provenance = info.direction_provenance = Provenance::stated;
   }
-  if (placed) {
-    check_alike(headers, assembly.slices);
-    number_slices(headers, assembly, info);
-    take_slice_times(assembly, info);
-    if (assembly.dims[2] > 1) lay_third_axis(assembly, info);
-  } else if (first.meaning == FrameMeaning::unplaced_slices && first.frames > 1) {
-    assembly.dims[2] = first.frames;
-    for (auto& slice : assembly.slices) std::swap(slice.k, slice.frame);
+  const auto count = static_cast<int>(file.records.size());
+  const bool slices = file.role == FrameRole::unplaced_slices;
+  for (int n = 0; n < count; ++n)
+    assembly.placements.push_back({static_cast<std::size_t>(n), slices ? 0 : n, slices ? n : 0, 1.0F});
+  if (slices) {
+    assembly.dims[2] = count;
     warn(
         info, "assumed-slices",
         "The file does not say how its frames lie to each other; they were taken for slices in their order.");
   } else {
-    assembly.frames = first.frames;
-    info.frame_times_s = first.frame_times_s;
-    info.time_provenance = first.time_provenance;
-    if (first.frames > 1) {
-      assembly.spacing_mm[2] = 1.0;
-      info.spacing_provenance[2] = Provenance::assumed;
-    }
+    assembly.frames = count;
+    info.frame_times_s = part.times.frame_times_s;
+    info.time_provenance = part.times.provenance;
+    add_warnings(part.times.warnings, info);
+  }
+  if (file.between_mm && (slices || count == 1)) {
+    assembly.spacing_mm[2] = *file.between_mm;
+    info.spacing_provenance[2] = Provenance::stated;
   }
   return assembly;
 }
 
-double raw_bytes_of(const DicomHeader& header) {
-  return static_cast<double>(header.rows) * header.columns * header.frames * header.samples *
-         std::max(1, header.bits) / 8.0;
-}
+/// What all files together say of their frames.
+struct Scan {
+  std::filesystem::path shown;  ///< the file, or the folder of a series
+  std::vector<Part> parts;
+  std::vector<FrameRecord> records;
+  Assembly assembly;
+};
 
-void check_pixels(const DicomHeader& header, const Context& context, core::VolumeInfo& info) {
-  if (header.rows < 1 || header.columns < 1)
-    fail("no-image", header.path,
-         "holds no picture by its header (SOP class " +
-             (header.sop_class.empty() ? "unknown" : header.sop_class) +
-             "). Choose the file or series that holds the scan.");
-  if (!header.has_pixels) fail("no-image", header.path, "has a header but no pixels. Export the scan again.");
-  if (header.pixel_bytes && static_cast<double>(*header.pixel_bytes) < raw_bytes_of(header)) {
-    if (!context.options.allow_truncated)
-      fail("truncated", header.path,
-           "holds " + std::to_string(*header.pixel_bytes) + " bytes of pixels where its header speaks of " +
-               std::to_string(static_cast<long long>(raw_bytes_of(header))) +
-               ". It was cut off: copy or export it again.");
-    warn(info, "truncated", "A file was cut off; the pixels that are missing are black.");
+/// Decodes frames of the scan's files, the last file still open.
+class Decoder {
+ public:
+  Decoder(const Scan& scan, const Context& context) : scan_(scan), context_(context) {}
+  void decode(const FrameRecord& record, float* grey) {
+    if (!pixels_ || record.file != open_) {
+      pixels_.reset();
+      file_ = std::make_unique<DicomFile>(scan_.parts[record.file].path);
+      pixels_ = std::make_unique<DicomPixels>(*file_, context_);
+      open_ = record.file;
+    }
+    pixels_->decode(record.file_frame, grey);
   }
-  // Read, decoded and converted copies exist side by side for a moment.
-  check_memory(header.path, 2.0 * raw_bytes_of(header),
-               static_cast<double>(header.rows) * header.columns * header.frames, context);
+  const std::vector<core::Warning>& warnings() const { return pixels_->warnings(); }
+
+ private:
+  const Scan& scan_;
+  const Context& context_;
+  std::unique_ptr<DicomFile> file_;
+  std::unique_ptr<DicomPixels> pixels_;
+  std::size_t open_ = 0;
+};
+
+SamePixels pixel_comparison(const Scan& scan, const Context& context) {
+  return [&scan, &context](const FrameRecord& a, const FrameRecord& b) {
+    const auto count = static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(a.columns);
+    std::vector<float> first(count);
+    std::vector<float> second(count);
+    Decoder(scan, context).decode(a, first.data());
+    Decoder(scan, context).decode(b, second.data());
+    return first == second;
+  };
 }
 
-/// GDCM swaps 32-bit big-endian pixels as if they were pairs of 16 bits; this
-/// puts the pairs into their order.
-void swap_halves(std::vector<char>& raw) {
-  for (std::size_t n = 0; n + 4 <= raw.size(); n += 4) {
-    std::swap(raw[n], raw[n + 2]);
-    std::swap(raw[n + 1], raw[n + 3]);
+void say_repairs(const Scan& scan, core::VolumeInfo& info) {
+  double worst = 0.0;
+  for (const auto& part : scan.parts) worst = std::max(worst, part.frames.repaired_by.value_or(0.0));
+  if (worst == 0.0) return;
+  std::ostringstream text;
+  text << "The file's axes are not exactly unit vectors at right angles (off by up to " << worst
+       << "); the nearest that are were taken.";
+  warn(info, "repaired-direction", text.str());
+}
+
+/// The probe's own system stands for the patient's until somebody says otherwise.
+void offer_orientations(const Context& context, core::VolumeInfo& info) {
+  info.orientation_choices = {orientation_of(info.geometry)};
+  for (const char* word : {"LPS", "RAS", "LPI", "RPI"})
+    if (info.orientation_choices.front() != word) info.orientation_choices.emplace_back(word);
+  say_orientation("The volume is in the probe's axes: the file", context.options, info);
+}
+
+void assemble(Scan& scan, const Context& context, core::VolumeInfo& info) {
+  const Part& first = scan.parts.front();
+  const bool series = scan.parts.size() > 1;
+  for (std::size_t n = 0; n < scan.parts.size(); ++n) {
+    for (FrameRecord record : scan.parts[n].frames.records) {
+      record.file = n;
+      if (series && (scan.parts[n].frames.records.size() != 1 || !record.plane))
+        fail("no-volume", scan.shown,
+             "does not say where each picture lies (" + record.name +
+                 "); its files are no volume. Open one of the files.");
+      scan.records.push_back(std::move(record));
+    }
+    add_warnings(scan.parts[n].frames.warnings, info);
   }
+  add_warnings(first.calibration.warnings, info);
+  if (series || first.frames.role == FrameRole::placed) {
+    if (first.frames.between_mm) info.spacing_provenance[2] = Provenance::stated;
+    keep_one_data_type(scan.records, info);
+    const SamePixels same = series ? pixel_comparison(scan, context) : SamePixels{};
+    scan.assembly = assemble_placed(scan.records, scan.shown, !series, same, info);
+    if (scan.assembly.dims[2] == 1 && first.frames.between_mm)
+      scan.assembly.spacing_mm[2] = *first.frames.between_mm;
+  } else {
+    scan.assembly = assemble_unplaced(first, info);
+  }
+  // A size that a frame's own macro states, or that of the header.
+  const bool own_size = scan.records.front().pixel_mm != first.calibration.pixel_mm;
+  const auto in_plane = !scan.records.front().pixel_mm ? Provenance::assumed
+                        : own_size                     ? Provenance::stated
+                                                       : first.calibration.provenance;
+  info.spacing_provenance[0] = info.spacing_provenance[1] = in_plane;
+  say_repairs(scan, info);
+  info.frames = scan.assembly.frames;
+  info.geometry = make_geometry(first.path, scan.assembly.dims, scan.assembly.spacing_mm,
+                                scan.assembly.origin_mm, scan.assembly.direction, info);
+  if (first.frames.transducer_axes) offer_orientations(context, info);
 }
 
-/// Decodes one file and puts its frames where they belong.
-void load(const DicomHeader& header, const std::vector<Slice>& slices, std::size_t file,
-          const Assembly& assembly, int first, int kept, float* voxels, core::VolumeInfo& info) {
-  const auto io = itk::GDCMImageIO::New();
-  io->SetFileName(header.path.string());
-  io->ReadImageInformation();
-  const std::size_t components = io->GetNumberOfComponents();
-  const auto type = io->GetComponentType();
+/// Decodes the frames that are wanted, each record once, into their slices.
+void load(const Scan& scan, const Parsed& parsed, const Context& context, core::VolumeInfo& info) {
+  const Assembly& assembly = scan.assembly;
   const std::size_t plane =
       static_cast<std::size_t>(assembly.dims[0]) * static_cast<std::size_t>(assembly.dims[1]);
-  const std::size_t voxel_bytes = components * component_bytes(type);
-  if (io->GetDimensions(0) != static_cast<itk::SizeValueType>(header.columns) ||
-      io->GetDimensions(1) != static_cast<itk::SizeValueType>(header.rows) || voxel_bytes == 0 ||
-      (components != 1 && components != 3 && components != 4) ||
-      static_cast<std::size_t>(io->GetImageSizeInBytes()) !=
-          plane * static_cast<std::size_t>(header.frames) * voxel_bytes)
-    fail("unsupported", header.path, "decodes to another size than its header says. Export it uncompressed.");
-  itk::ImageIORegion region(io->GetNumberOfDimensions());
-  for (unsigned axis = 0; axis < io->GetNumberOfDimensions(); ++axis)
-    region.SetSize(axis, io->GetDimensions(axis));
-  io->SetIORegion(region);
-  std::vector<char> raw(static_cast<std::size_t>(io->GetImageSizeInBytes()));
-  io->Read(raw.data());
-  if (header.big_endian && header.bits == 32) swap_halves(raw);
-  info.components = static_cast<int>(components);
-  for (const auto& slice : slices) {
-    if (slice.file != file || slice.frame < first || slice.frame >= first + kept) continue;
-    const std::size_t place =
-        static_cast<std::size_t>(slice.frame - first) * static_cast<std::size_t>(assembly.dims[2]) +
-        static_cast<std::size_t>(slice.k);
-    to_grey(raw.data() + static_cast<std::size_t>(slice.file_frame) * plane * voxel_bytes, type, components,
-            components == 1 ? Mix::grey : Mix::colour, 0, plane, voxels + place * plane);
+  const int last = parsed.first_frame + parsed.kept_frames;
+  Decoder decoder(scan, context);
+  std::vector<float> grey(plane);
+  std::size_t decoded = scan.records.size();  // none yet
+  std::vector<Placement> wanted;
+  for (const auto& placement : assembly.placements)
+    if (placement.frame >= parsed.first_frame && placement.frame < last) wanted.push_back(placement);
+  for (std::size_t n = 0; n < wanted.size(); ++n) {
+    const Placement& placement = wanted[n];
+    context.progress.report(0.2 + 0.8 * static_cast<double>(n) / static_cast<double>(wanted.size()),
+                            "Decoding pixels");
+    if (placement.record != decoded) {
+      decoder.decode(scan.records[placement.record], grey.data());
+      add_warnings(decoder.warnings(), info);
+      decoded = placement.record;
+    }
+    const auto slice = static_cast<std::size_t>(placement.frame - parsed.first_frame) *
+                           static_cast<std::size_t>(assembly.dims[2]) +
+                       static_cast<std::size_t>(placement.k);
+    float* out = parsed.voxels.get() + slice * plane;
+    if (placement.weight == 1.0F)
+      std::copy(grey.begin(), grey.end(), out);
+    else
+      std::transform(grey.begin(), grey.end(), out, out,
+                     [&](float value, float sum) { return sum + placement.weight * value; });
   }
 }
 
-std::string stored_type(const DicomHeader& header) {
-  const int bits = header.bits <= 8 ? 8 : header.bits <= 16 ? 16 : header.bits <= 32 ? 32 : 64;
-  return (header.is_signed ? "int" : "uint") + std::to_string(bits);
+Parsed finish(const Scan& scan, const Context& context, core::VolumeInfo info) {
+  const DicomPixelForm& form = scan.parts.front().form;
+  info.components = form.components;
+  info.pixel_type = form.pixel_type;
+  Parsed parsed;
+  std::tie(parsed.first_frame, parsed.kept_frames) = frames_to_keep(context.options, info.frames);
+  if (!context.headers_only) {
+    const std::size_t count = info.geometry.voxel_count() * static_cast<std::size_t>(parsed.kept_frames);
+    const double one_frame = static_cast<double>(form.rows) * form.columns * sizeof(float);
+    check_memory(scan.shown, 4.0 * one_frame, static_cast<double>(count), context);
+    parsed.voxels = context.allocate(count);
+    std::fill_n(parsed.voxels.get(), count, 0.0F);  // slices between two are summed up
+    load(scan, parsed, context, info);
+    make_finite(scan.shown, parsed.voxels.get(), count, info);
+  }
+  settle_geometry(context.options, info);
+  parsed.info = std::move(info);
+  return parsed;
+}
+
+/// Bytes of whole slices, in their order, whatever the number of frames says.
+void load_raw_slices(const DicomFile& file, const VendorGrid& grid, const Parsed& parsed,
+                     const Context& context, core::VolumeInfo& info) {
+  const auto plane = static_cast<std::size_t>(grid.dims[0]) * static_cast<std::size_t>(grid.dims[1]);
+  const auto slices = static_cast<std::size_t>(grid.dims[2]);
+  const DicomPixelPlace::Piece& value = file.pixels().value;
+  const std::uint64_t whole =
+      static_cast<std::uint64_t>(plane) * slices * static_cast<std::uint64_t>(grid.frames);
+  if (value.present < whole) {
+    if (!context.options.allow_truncated)
+      fail("truncated", file.path(),
+           "holds " + std::to_string(value.present) + " bytes of voxels where its header speaks of " +
+               std::to_string(whole) + ". It was cut off: copy or export it again.");
+    warn(info, "truncated", "The file was cut off; the voxels that are missing are black.");
+  }
+  if (context.headers_only) return;
+  const std::size_t first = static_cast<std::size_t>(parsed.first_frame) * slices;
+  const std::size_t count = static_cast<std::size_t>(parsed.kept_frames) * slices;
+  for (std::size_t n = 0; n < count; ++n) {
+    context.progress.report(0.2 + 0.8 * static_cast<double>(n) / static_cast<double>(count),
+                            "Reading voxels");
+    const std::uint64_t from = static_cast<std::uint64_t>(first + n) * plane;
+    const std::uint64_t there =
+        from < value.present ? std::min<std::uint64_t>(plane, value.present - from) : 0;
+    const auto bytes = file.read(value.offset + from, static_cast<std::size_t>(there));
+    float* out = parsed.voxels.get() + n * plane;
+    std::fill(std::copy(bytes.begin(), bytes.end(), out), out + plane, 0.0F);
+  }
+}
+
+Parsed parse_raw_slices(const DicomFile& file, const VendorGrid& grid, const Context& context,
+                        core::VolumeInfo info) {
+  Parsed parsed;
+  info.pixel_type = "uint8";
+  std::tie(parsed.first_frame, parsed.kept_frames) = frames_to_keep(context.options, info.frames);
+  const std::size_t count = info.geometry.voxel_count() * static_cast<std::size_t>(parsed.kept_frames);
+  if (!context.headers_only) {
+    check_memory(file.path(), 0.0, static_cast<double>(count), context);
+    if (file.pixels().value.present == 0)
+      fail("no-image", file.path(), "has a header but no voxels. Export it again.");
+    parsed.voxels = context.allocate(count);
+  }
+  load_raw_slices(file, grid, parsed, context, info);
+  settle_geometry(context.options, info);
+  parsed.info = std::move(info);
+  return parsed;
+}
+
+Parsed parse_vendor(const DicomFile& file, const VendorGrid& grid, const Context& context,
+                    core::VolumeInfo info) {
+  info.frames = grid.frames;
+  info.spacing_provenance = grid.spacing_provenance;
+  info.direction_provenance = Provenance::assumed;
+  info.orientation_choices = grid.orientations;
+  info.frame_times_s = grid.times.frame_times_s;
+  info.time_provenance = grid.times.provenance;
+  add_warnings(grid.times.warnings, info);
+  add_warnings(grid.warnings, info);
+  const Eigen::Matrix3d axes = axes_of(grid.orientations.front());
+  if (grid.origin_mm) info.origin_provenance = Provenance::derived;
+  const Eigen::Vector3d origin =
+      grid.origin_mm ? Eigen::Vector3d(axes * *grid.origin_mm) : Eigen::Vector3d::Zero();
+  info.geometry = make_geometry(file.path(), grid.dims, grid.spacing_mm, origin, axes, info);
+  say_orientation("A " + grid.kind + " file", context.options, info);
+  if (grid.raw_slices) return parse_raw_slices(file, grid, context, std::move(info));
+  Scan scan;
+  scan.shown = file.path();
+  core::VolumeInfo unused;
+  scan.parts.push_back(read_part(file, context, unused));
+  scan.records = scan.parts.front().frames.records;
+  scan.assembly.dims = grid.dims;
+  scan.assembly.frames = grid.frames;
+  for (std::size_t n = 0; n < scan.records.size(); ++n)
+    scan.assembly.placements.push_back(
+        {n, static_cast<int>(n) / grid.dims[2], static_cast<int>(n) % grid.dims[2], 1.0F});
+  return finish(scan, context, std::move(info));
+}
+
+Parsed parse_one(const std::filesystem::path& path, const Context& context) {
+  const DicomFile file(path);
+  core::VolumeInfo info = info_of(file.dataset());
+  if (holds_kretz(file)) return parse_kretz_in(file, std::move(info), context);
+  refuse_private_only(file);
+  if (const auto grid = vendor_grid(file)) return parse_vendor(file, *grid, context, std::move(info));
+  Scan scan;
+  scan.shown = path;
+  scan.parts.push_back(read_part(file, context, info));
+  assemble(scan, context, info);
+  if (const std::string unread = unread_volume(file); !unread.empty()) warn(info, "private-volume", unread);
+  return finish(scan, context, std::move(info));
+}
+
+Parsed parse_series(const std::vector<std::filesystem::path>& paths, const Context& context) {
+  Scan scan;
+  scan.shown = paths.front().parent_path();
+  core::VolumeInfo info;
+  for (std::size_t n = 0; n < paths.size(); ++n) {
+    context.progress.report(0.2 * static_cast<double>(n) / static_cast<double>(paths.size()),
+                            "Reading headers");
+    const DicomFile file(paths[n]);
+    if (n == 0) info = info_of(file.dataset());
+    scan.parts.push_back(read_part(file, context, info));
+  }
+  assemble(scan, context, info);
+  return finish(scan, context, std::move(info));
 }
 
 }  // namespace
 
 Parsed parse_dicom(const std::vector<std::filesystem::path>& paths, const Context& context) {
-  Parsed parsed;
-  core::VolumeInfo& info = parsed.info;
-  std::vector<DicomHeader> headers;
-  for (std::size_t n = 0; n < paths.size(); ++n) {
-    context.progress.report(0.2 * static_cast<double>(n) / static_cast<double>(paths.size()),
-                            "Reading headers");
-    headers.push_back(read_dicom_header(paths[n]));
-    check_pixels(headers.back(), context, info);
-  }
-  const DicomHeader& first_header = headers.front();
-  info.format = "DICOM";
-  info.modality = first_header.modality;
-  info.sop_class = first_header.sop_class;
-  info.series_uid = first_header.series_uid;
-  info.pixel_type = stored_type(first_header);
-  info.warnings.insert(info.warnings.end(), first_header.warnings.begin(), first_header.warnings.end());
-  const Assembly assembly = assemble(headers, info);
-  info.frames = assembly.frames;
-  info.geometry = make_geometry(first_header.path, assembly.dims, assembly.spacing_mm, assembly.origin_mm,
-                                assembly.direction, info);
-  if (first_header.inverted)
-    warn(info, "inverted-display",
-         "The file asks to be shown with low values bright (MONOCHROME1); the values are kept as stored.");
-  if (first_header.transducer_axes) {
-    // The volume's own system stands for the patient's until somebody says otherwise.
-    info.orientation_choices = {"LPS", "RAS", "LPI", "RPI"};
-    warn(info, "transducer-axes", "The axes are those of the probe; how the patient lay is not known.");
-  }
+  return paths.size() == 1 ? parse_one(paths.front(), context) : parse_series(paths, context);
+}
 
-  const auto [first, kept] = frames_to_keep(context.options, assembly.frames);
-  parsed.first_frame = first;
-  parsed.kept_frames = kept;
-  if (context.headers_only) {
-    info.components = first_header.samples;
-    settle_geometry(context.options, info);
-    return parsed;
+DicomGlance glance(const std::filesystem::path& path) {
+  DicomGlance result;
+  if (!may_be_dicom(path)) return result;
+  try {
+    const DicomFile file(path);
+    const DicomItem dataset = file.dataset();
+    const auto count = [&](DicomTag tag) {
+      return static_cast<long long>(dataset.number(tag).value_or(0.0));
+    };
+    const long long rows = count({0x0028, 0x0010});
+    const long long columns = count({0x0028, 0x0011});
+    const bool counted = dataset.has({0x0028, 0x0008});
+    const long long frames = counted ? count({0x0028, 0x0008}) : 1;
+    result.dicom = true;
+    result.image = rows > 0 && columns > 0;
+    std::optional<double> repaired_by;
+    result.slice = result.image && frames == 1 &&
+                   plane_of(path, dataset.numbers({0x0020, 0x0032}), dataset.numbers({0x0020, 0x0037}), true,
+                            repaired_by)
+                       .has_value();
+    result.series_uid = dataset.text({0x0020, 0x000E});
+    result.instance_uid = dataset.text({0x0008, 0x0018});
+    result.modality = dataset.text({0x0008, 0x0060});
+    result.size = std::to_string(columns) + " x " + std::to_string(rows) +
+                  (frames > 1 ? " x " + std::to_string(frames) + " frames" : "");
+  } catch (const core::Error& error) {
+    result.dicom = error.code() != "unsupported";
   }
-  const std::size_t count = info.geometry.voxel_count() * static_cast<std::size_t>(kept);
-  check_memory(first_header.path, 2.0 * raw_bytes_of(first_header), static_cast<double>(count), context);
-  parsed.voxels = context.allocate(count);
-  for (std::size_t file = 0; file < headers.size(); ++file) {
-    context.progress.report(0.2 + 0.7 * static_cast<double>(file) / static_cast<double>(headers.size()),
-                            "Decoding pixels");
-    try {
-      load(headers[file], assembly.slices, file, assembly, first, kept, parsed.voxels.get(), info);
-    } catch (const itk::ExceptionObject& error) {
-      fail("unsupported", headers[file].path,
-           "holds pixels that cannot be decoded (SOP class " + headers[file].sop_class +
-               ", transfer syntax " + headers[file].transfer_syntax +
-               "). Export it uncompressed, or as MetaImage or NRRD.",
-           plain_words(error.GetDescription()));
-    }
-  }
-  if (info.components > 1)
-    warn(info, "colour-to-grey", "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
-  make_finite(first_header.path, parsed.voxels.get(), count, info);
-  settle_geometry(context.options, info);
-  return parsed;
+  return result;
 }
 
 }  // namespace palpate::imaging::reading

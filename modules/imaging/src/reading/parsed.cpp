@@ -1,5 +1,7 @@
 #include "parsed.hpp"
 
+#include "vendor/kretz.hpp"
+
 #include "palpate/core/error.hpp"
 
 #include <algorithm>
@@ -60,6 +62,7 @@ Parsed parse_file(const std::filesystem::path& path, const Context& context) {
     case Format::dicom:
       return parse_dicom({path}, context);
     case Format::other:
+      if (is_kretz_file(path)) return parse_kretz_file(path, context);
       break;
   }
   const std::string ending = lower(path.extension().string());
