@@ -69,6 +69,28 @@ TEST_F(ReaderProcess, ACrashBecomesAnError) {
   EXPECT_EQ(code(), "reader-crashed");
 }
 
+TEST_F(ReaderProcess, ACrashOfARiskyDecoderIsToldByItsReason) {
+  const std::string risk = say(R"({"risk":"scan.mha holds pixels that cannot be decoded: JPEG-LS."})");
+  for (const std::string signal : {"ABRT", "SEGV"}) {
+    pretend(risk + "; kill -" + signal + " $$");
+    EXPECT_EQ(code(), "unsupported");
+    EXPECT_EQ(text_, "scan.mha holds pixels that cannot be decoded: JPEG-LS.");
+  }
+  // Once the decoder has returned, and where it was not the decoder's fault.
+  pretend(risk + "; " + say(R"({"risk":""})") + "; kill -ABRT $$");
+  EXPECT_EQ(code(), "reader-crashed");
+  pretend(risk + "; kill -KILL $$");
+  EXPECT_EQ(code(), "reader-memory");
+}
+
+TEST_F(ReaderProcess, HandingOverIsMeasured) {
+  // Four slices only: that it is done and tidied up, not how fast.
+  const auto timing = palpate::imaging::measure_handover(folder_.path(), std::size_t{4} << 20);
+  EXPECT_EQ(timing.bytes, std::size_t{4} << 20);
+  EXPECT_GT(timing.read_s, 0.0);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "handover.mha"));
+}
+
 TEST_F(ReaderProcess, AHangEndsWithItsTimeAndTakesItsChildrenAlong) {
   pretend("sleep 1000 & echo $! > " + (folder_ / "grandchild").string() + "; wait");
   ReaderLimits limits;

@@ -184,11 +184,11 @@ TEST_F(SeriesList, ThousandsOfSlicesAreOneSeries) {
 }
 
 TEST_F(SeriesList, TheRangeOfManyFramesIsTakenSomeAtATime) {
-  // 64 MB in the (sparse) file and 256 MB as voxels: more than the reader may use at once.
+  // 128 MB in the (sparse) file and 512 MB as voxels: more than the reader may use at once.
   const auto scan = folder_ / "beat.mha";
-  write_mha(scan, "200 200 100 16", "MET_UCHAR", "");
+  write_mha(scan, "200 200 100 32", "MET_UCHAR", "");
   const auto header = std::filesystem::file_size(scan);
-  std::filesystem::resize_file(scan, header + 200 * 200 * 100 * 16 - 1);
+  std::filesystem::resize_file(scan, header + 200 * 200 * 100 * 32 - 1);
   std::ofstream(scan, std::ios::binary | std::ios::app).put('\100');
   palpate::imaging::ReaderLimits limits;
   limits.memory_bytes = std::size_t{360} << 20;
@@ -202,10 +202,10 @@ TEST_F(SeriesList, TheRangeOfManyFramesIsTakenSomeAtATime) {
   ASSERT_EQ(reports.size(), 1U);
   ASSERT_TRUE(reports[0].ok) << reports[0].error_text;
   const auto& info = reports[0].volumes.at(0);
-  EXPECT_EQ(info.frames, 16);
+  EXPECT_EQ(info.frames, 32);
   EXPECT_EQ(info.min, 0.0);
   EXPECT_EQ(info.max, 64.0);  // the last voxel of the last frame
-  EXPECT_DOUBLE_EQ(info.mean, 64.0 / (200.0 * 200.0 * 100.0 * 16.0));
+  EXPECT_DOUBLE_EQ(info.mean, 64.0 / (200.0 * 200.0 * 100.0 * 32.0));
 }
 
 TEST_F(SeriesList, CanBeCancelledAndSaysWhatIsNotThere) {

@@ -90,6 +90,16 @@ std::string volume_info_json(const core::VolumeInfo& info);
 /// What the child does: parses without any protection. For palpate-reader only.
 core::VolumeSequence parse_unprotected(const std::filesystem::path& path, const ReadOptions& options,
                                        const core::Progress& progress);
+/// What it costs that files are parsed in a process of its own.
+struct HandoverTiming {
+  double read_s = 0.0;      ///< parsed in this process
+  double handover_s = 0.0;  ///< how much longer read() takes
+  std::size_t bytes = 0;    ///< of voxels
+};
+/// Writes a scan of about so many bytes into the folder, reads it both ways in
+/// turn three times, removes it, and gives the medians. Throws Error(output).
+HandoverTiming measure_handover(const std::filesystem::path& folder, std::size_t bytes,
+                                const core::Progress& progress = {});
 /// main() of palpate-reader.
 int reader_main(int argc, char** argv);
 
