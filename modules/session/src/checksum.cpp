@@ -2,6 +2,7 @@
 
 #include "palpate/core/error.hpp"
 #include "palpate/session/recipe.hpp"
+#include "palpate/session/session_file.hpp"
 
 #include <algorithm>
 #include <array>
@@ -35,7 +36,14 @@ void add_file(Sha256& sum, const fs::path& path, const core::Progress& progress)
   if (file.bad()) throw_unreadable(path, "reading it failed");
 }
 
-/// Regular files below the folder, in an order that is the same everywhere.
+/// A session that is saved beside its series does not change the series.
+bool is_session(const fs::path& path) {
+  const std::string name = path.filename().string();
+  const std::string ending = session_ending;
+  return name.size() > ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0;
+}
+
+/// Regular files below the folder but sessions, in an order that is the same everywhere.
 std::vector<fs::path> sorted_files(const fs::path& folder) {
   std::vector<fs::path> files;
   std::error_code error;
@@ -43,7 +51,7 @@ std::vector<fs::path> sorted_files(const fs::path& folder) {
   for (fs::recursive_directory_iterator entry(folder, options, error), end; !error && entry != end;
        entry.increment(error)) {
     std::error_code ignored;
-    if (entry->is_regular_file(ignored)) files.push_back(entry->path());
+    if (entry->is_regular_file(ignored) && !is_session(entry->path())) files.push_back(entry->path());
   }
   if (error) throw_unreadable(folder, error.message());
   std::sort(files.begin(), files.end());
