@@ -6,13 +6,14 @@
 //   b   = contrast (|lowpass| + floor)
 //   g_1 = y^2/(y^2 + 1), y = l_1/b;  g_n = g_n-1 mu(l_n/l_n-1);
 //   mu(r) = r^2/(r^2 + (1 - r)^2);   C = sum_n g_n e_n e_nT
-//   result = x + sum_ij (C_ij - delta_ij) hp_ij
+//   result = x + sum_ij (C_ij - delta_ij) hp_ij, within low .. high
 // The six products u_i u_j span the same highpass filters as the six
 // (u.n_k)^2; with them <C, M_k> need not be formed.
 //
 // Symbols     arguments               units
 //   x, T, hp  voxels, tensor, highpass  grey; xx yy zz xy xz yz, a field each
 //   floor     floor_grey              grey
+//   low, high  low, high              grey, the range of the scan
 //   contrast  contrast                grey of T per grey
 //   the rest  weights                 pure numbers, see each kernel
 // Fields are padded blocks, i fastest. A region of one is told by
@@ -189,7 +190,7 @@ Lanes mu(const Lanes smaller, const Lanes larger) {
 __kernel void combine(REGION, __global const float* restrict voxels, __global const float* restrict lowpass,
                       __global const float* restrict tensor, __global const float* restrict highpass,
                       const int field, __global float* restrict result, const float contrast,
-                      const float floor_grey) {
+                      const float floor_grey, const float low, const float high) {
   PLACE(place)
   Lanes xx = LOAD(tensor + place);
   Lanes yy = LOAD(tensor + field + place);
@@ -230,5 +231,5 @@ __kernel void combine(REGION, __global const float* restrict voxels, __global co
   sum += 2.0f * CONTROL(x, y) * LOAD(highpass + 3 * field + place);
   sum += 2.0f * CONTROL(x, z) * LOAD(highpass + 4 * field + place);
   sum += 2.0f * CONTROL(y, z) * LOAD(highpass + 5 * field + place);
-  STORE(sum, result + place);
+  STORE(clamp(sum, low, high), result + place);
 }

@@ -5,18 +5,17 @@
 #include "palpate/core/error.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <optional>
 
 namespace palpate::imaging {
 namespace {
 
-using adaptive::Design;
-
-/// Of a block with its margins: some twenty fields of it are held at once.
-constexpr double largest_block_voxels = 4.0e6;
+/// Fields of a block that an engine holds at once.
+constexpr double fields_held = 22.0;
 /// What counts as dark, in shares of the scan's grey range.
-constexpr double dark_share = 0.05;
+constexpr double dark_share = 0.02;
 
 /// The device to work on; none for the CPU twin.
 std::optional<compute::Device> device_for(const std::string& selector) {
@@ -58,7 +57,8 @@ Blocks blocks_of(const std::array<int, 3>& dims, const std::array<int, 3>& margi
 
 /// A box of the volume with margins; beyond the border the outermost voxels go on.
 void gather(const float* voxels, const std::array<int, 3>& dims, const std::array<int, 3>& begin,
-            const std::array<int, 3>& size, const std::array<int, 3>& margin, std::vector<float>& padded) {
+            const std::array<int, 3>& size, const std::array<int, 3>& margin, double scale,
+            std::vector<float>& padded) {
   std::array<std::vector<std::size_t>, 3> source;
   std::size_t stride = 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -71,11 +71,11 @@ void gather(const float* voxels, const std::array<int, 3>& dims, const std::arra
   auto target = padded.begin();
   for (const std::size_t k : source[2])
     for (const std::size_t j : source[1])
-      for (const std::size_t i : source[0]) *target++ = voxels[k + j + i];
+      for (const std::size_t i : source[0]) *target++ = static_cast<float>(scale * voxels[k + j + i]);
 }
 
 void scatter(const std::vector<float>& block, const std::array<int, 3>& dims, const std::array<int, 3>& begin,
-             const std::array<int, 3>& size, std::vector<float>& voxels) {
+             const std::array<int, 3>& size, double scale, std::vector<float>& voxels) {
   auto source = block.begin();
   for (int k = 0; k < size[2]; ++k)
     for (int j = 0; j < size[1]; ++j) {
@@ -83,13 +83,13 @@ void scatter(const std::vector<float>& block, const std::array<int, 3>& dims, co
                         static_cast<std::size_t>(begin[1] + j)) *
                            static_cast<std::size_t>(dims[0]) +
                        static_cast<std::size_t>(begin[0]);
-      std::copy(source, source + size[0], voxels.begin() + static_cast<std::ptrdiff_t>(row));
-      source += size[0];
+      for (int i = 0; i < size[0]; ++i)
+        voxels[row + static_cast<std::size_t>(i)] = static_cast<float>(scale * *source++);
     }
 }
 
 void run_pass(const float* voxels, const std::array<int, 3>& dims, const std::array<int, 3>& margin,
-              const Blocks& blocks, adaptive::Engine& engine, std::vector<float>& result,
+              const Blocks& blocks, double scale, adaptive::Engine& engine, std::vector<float>& result,
               const core::Progress& progress) {
   std::vector<float> padded;
   std::vector<float> filtered;
@@ -101,10 +101,10 @@ void run_pass(const float* voxels, const std::array<int, 3>& dims, const std::ar
         std::array<int, 3> size{};
         for (std::size_t axis = 0; axis < 3; ++axis)
           size[axis] = std::min(blocks.size[axis], dims[axis] - begin[axis]);
-        gather(voxels, dims, begin, size, margin, padded);
+        gather(voxels, dims, begin, size, margin, scale, padded);
         const double total = blocks.total();
         engine.run(padded, size, filtered, progress.part(done / total, (done + 1) / total));
-        scatter(filtered, dims, begin, size, result);
+        scatter(filtered, dims, begin, size, 1.0 / scale, result);
         ++done;
       }
 }
@@ -122,29 +122,42 @@ std::array<int, 3> adaptive_reach(const core::ImageGeometry& geometry, const Ada
 }
 
 core::Volume adaptive_filter(const core::Volume& volume, const AdaptiveParameters& parameters,
-                             double grey_range, const std::string& device, const core::Progress& progress) {
+                             const core::IntensityRange& scan, const std::string& device,
+                             const core::Progress& progress) {
+  adaptive::Work work;
+  work.device = device_for(device);
+  // Doubles take twice the memory.
+  if (!work.device) work.largest_block_voxels /= 2.0;
+  return adaptive::run(volume, parameters, scan, work, progress);
+}
+
+core::Volume adaptive::run(const core::Volume& volume, const AdaptiveParameters& parameters,
+                           const core::IntensityRange& scan, const Work& work,
+                           const core::Progress& progress) {
   progress.report(0.0, "Adaptive filter");
-  const Design design = adaptive::design(volume.geometry(), parameters);
-  const adaptive::Remap remap{design.step_response * parameters.contrast_percent / 100.0,
-                              dark_share * grey_range};
-  const auto margin = design.margin();
-  const auto opened = device_for(device);
-  double largest = largest_block_voxels;
-  if (opened)
-    largest =
-        std::min(largest, static_cast<double>(opened->info().memory_bytes) / (2.0 * 22.0 * sizeof(float)));
-  else
-    largest /= 2.0;  // doubles
-  const Blocks blocks = blocks_of(volume.dims(), margin, largest);
-  std::array<int, 3> largest_padded{};
-  for (std::size_t axis = 0; axis < 3; ++axis) largest_padded[axis] = blocks.size[axis] + 2 * margin[axis];
-  const auto engine = opened ? adaptive::make_opencl_engine(*opened, design, remap, largest_padded)
-                             : adaptive::make_reference_engine(design, remap);
+  const Design kernels = design(volume.geometry(), parameters);
+  // Grey is taken to about one, by a power of two, which rounds nothing: no
+  // square of a response then leaves the floats.
+  const float largest = std::max(std::abs(scan.min), std::abs(scan.max));
+  const double scale = largest > 0.0F ? std::ldexp(1.0, -std::ilogb(largest)) : 1.0;
+  Remap remap;
+  remap.contrast = kernels.step_response * parameters.contrast_percent / 100.0;
+  remap.low = static_cast<float>(scale * scan.min);
+  remap.high = static_cast<float>(scale * scan.max);
+  remap.floor = dark_share * (static_cast<double>(remap.high) - remap.low);
+  const auto engine = work.device ? make_opencl_engine(*work.device, kernels, remap, work.lanes)
+                                  : make_reference_engine(kernels, remap);
+  double block_voxels = work.largest_block_voxels;
+  if (work.device)
+    block_voxels = std::min(block_voxels, static_cast<double>(work.device->info().memory_bytes) /
+                                              (2.0 * fields_held * sizeof(float)));
+  const auto margin = kernels.margin();
+  const Blocks blocks = blocks_of(volume.dims(), margin, block_voxels);
   std::vector<float> input;
   std::vector<float> output(volume.size());
   for (int pass = 0; pass < parameters.passes; ++pass) {
     const double passes = parameters.passes;
-    run_pass(pass == 0 ? volume.data() : input.data(), volume.dims(), margin, blocks, *engine, output,
+    run_pass(pass == 0 ? volume.data() : input.data(), volume.dims(), margin, blocks, scale, *engine, output,
              progress.part(pass / passes, (pass + 1) / passes));
     if (pass + 1 < parameters.passes) {
       input.resize(output.size());

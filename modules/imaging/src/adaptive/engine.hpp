@@ -7,6 +7,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace palpate::imaging::adaptive {
@@ -20,6 +21,9 @@ namespace palpate::imaging::adaptive {
 struct Remap {
   double contrast = 0.0;  ///< of T per brightness
   double floor = 0.0;     ///< grey values; what stands for brightness in the dark
+  /// The result is kept within these: the highpass filters overshoot beside
+  /// what is bright and small, and no echo is darker than none.
+  float low = 0.0F, high = 0.0F;
 };
 
 /// Runs one pass over one block. Equation, with hp_ij the highpass responses:
@@ -38,7 +42,17 @@ class Engine {
 
 /// In double, on all cores; twin of kernels/adaptive_filter.cl.
 std::unique_ptr<Engine> make_reference_engine(const Design& design, const Remap& remap);
+/// lanes: voxels of a work-item, 1, 4, 8 or 16; 0 takes what suits the device.
 std::unique_ptr<Engine> make_opencl_engine(const compute::Device& device, const Design& design,
-                                           const Remap& remap, const std::array<int, 3>& largest_padded);
+                                           const Remap& remap, int lanes = 0);
+
+/// Which engine, and the largest block with its margins that it is given.
+struct Work {
+  std::optional<compute::Device> device;  ///< none: the CPU twin
+  int lanes = 0;
+  double largest_block_voxels = 4.0e6;
+};
+core::Volume run(const core::Volume& volume, const AdaptiveParameters& parameters,
+                 const core::IntensityRange& scan, const Work& work, const core::Progress& progress);
 
 }  // namespace palpate::imaging::adaptive

@@ -42,14 +42,17 @@ FilterEntry adaptive_entry() {
                     adaptive_passes, true, ""),
       }};
   entry.apply = [](const FilterCall& call) {
-    return adaptive_filter(call.volume, parameters_of(call.parameters), call.measured.front(),
-                           call.options.device, call.progress);
+    core::IntensityRange scan;
+    scan.min = static_cast<float>(call.measured[0]);
+    scan.max = static_cast<float>(call.measured[1]);
+    return adaptive_filter(call.volume, parameters_of(call.parameters), scan, call.options.device,
+                           call.progress);
   };
   entry.reach = [](const core::ImageGeometry& geometry, const FilterParameters& values) {
     return adaptive_reach(geometry, parameters_of(values));
   };
   entry.measure = [](const core::Volume& volume, const FilterParameters&, const core::Progress&) {
-    return std::vector<double>{static_cast<double>(volume.range().max) - volume.range().min};
+    return std::vector<double>{volume.range().min, volume.range().max};
   };
   entry.bytes_per_voxel = 12.0;
   return entry;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 namespace palpate::imaging::adaptive {
 namespace {
@@ -15,7 +16,8 @@ using Margin = std::array<int, 3>;
 /// Voxels of one launch: a request to stop is answered between two of them.
 constexpr int voxels_at_once = 1 << 19;
 
-int lanes_of(const compute::Device& device) {
+int lanes_of(const compute::Device& device, int wanted) {
+  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
   const unsigned width = device.info().float_vector_width;
   return width >= 16 ? 16 : width >= 8 ? 8 : width >= 4 ? 4 : 1;
 }
@@ -33,9 +35,8 @@ std::vector<float> floats(const Six& values) {
 
 class OpenclEngine final : public Engine {
  public:
-  OpenclEngine(const compute::Device& device, const Design& design, const Remap& remap,
-               const std::array<int, 3>& largest_padded)
-      : device_(device), design_(design), remap_(remap), lanes_(lanes_of(device)) {
+  OpenclEngine(const compute::Device& device, const Design& design, const Remap& remap, int lanes)
+      : device_(device), design_(design), remap_(remap), lanes_(lanes_of(device, lanes)) {
     compute::KernelLibrary library(device);
     const std::vector<std::string> defines{"LANES=" + std::to_string(lanes_)};
     const auto build = [&](const char* kernel) {
@@ -45,11 +46,6 @@ class OpenclEngine final : public Engine {
     structure_ = build("structure");
     add_highpass_ = build("add_highpass");
     combine_ = build("combine");
-    largest_field_ = field_floats(largest_padded);
-    const std::size_t bytes = largest_field_ * sizeof(float);
-    for (auto* field : {&input_, &level_, &scratch_, &scratch2_}) *field = Buffer::allocate(device, bytes);
-    tensor_ = Buffer::allocate(device, 6 * bytes);
-    highpass_ = Buffer::allocate(device, 6 * bytes);
     write_weights();
   }
 
@@ -67,7 +63,8 @@ class OpenclEngine final : public Engine {
     }
     for (std::size_t n = 0; n < levels_.size(); ++n) {
       if (n == 0)
-        level_.copy_from(input_, input_.bytes());  // the first level is not blurred
+        level_.copy_from(input_,
+                         static_cast<std::size_t>(field_) * sizeof(float));  // the first level is not blurred
       else
         blur(level_, 0, level_, 0, levels_[n].blur, design_.level_margin(n), progress);
       add_highpass(levels_[n], n == 0, progress);
@@ -90,10 +87,6 @@ class OpenclEngine final : public Engine {
   };
 
   int row_floats(int voxels) const { return (voxels + lanes_ - 1) / lanes_ * lanes_ + lanes_; }
-  std::size_t field_floats(const std::array<int, 3>& dims) const {
-    return static_cast<std::size_t>(row_floats(dims[0])) * static_cast<std::size_t>(dims[1]) *
-           static_cast<std::size_t>(dims[2]);
-  }
 
   BlurWeights blur_weights(const Blur& kernels) const {
     BlurWeights result;
@@ -139,8 +132,15 @@ class OpenclEngine final : public Engine {
     row_ = row_floats(padded_[0]);
     plane_ = row_ * padded_[1];
     field_ = plane_ * padded_[2];
+    const std::size_t bytes = static_cast<std::size_t>(field_) * sizeof(float);
+    for (auto* field : {&input_, &level_, &scratch_, &scratch2_}) *field = room(*field, bytes);
+    for (auto* six : {&tensor_, &highpass_}) *six = room(*six, 6 * bytes);
     quadrature_offsets_ = buffer_of(device_, offsets(design_.quadrature_taps, design_.step));
     highpass_offsets_ = buffer_of(device_, offsets(design_.highpass_taps, {1, 1, 1}));
+  }
+  /// The buffer that there is, where it is large enough.
+  Buffer room(Buffer& held, std::size_t bytes) const {
+    return held.bytes() >= bytes ? std::move(held) : Buffer::allocate(device_, bytes);
   }
   std::vector<std::int32_t> offsets(const std::vector<Tap>& taps, const Tap& step) const {
     std::vector<std::int32_t> result;
@@ -225,7 +225,7 @@ class OpenclEngine final : public Engine {
   }
   void combine(const core::Progress& progress) {
     set_own(combine_, input_, level_, tensor_, highpass_, std::int32_t{field_}, scratch_,
-            static_cast<float>(remap_.contrast), static_cast<float>(remap_.floor));
+            static_cast<float>(remap_.contrast), static_cast<float>(remap_.floor), remap_.low, remap_.high);
     launch(combine_, {0, 0, 0}, progress);
   }
 
@@ -234,7 +234,6 @@ class OpenclEngine final : public Engine {
   Remap remap_;
   int lanes_;
   compute::Kernel blur_, structure_, add_highpass_, combine_;
-  std::size_t largest_field_ = 0;
   Buffer input_, level_, scratch_, scratch2_;  ///< scratch_ takes the result at last
   Buffer tensor_, highpass_;                   ///< six fields each
   BlurWeights quadrature_blur_, tensor_blur_;
@@ -248,8 +247,8 @@ class OpenclEngine final : public Engine {
 }  // namespace
 
 std::unique_ptr<Engine> make_opencl_engine(const compute::Device& device, const Design& design,
-                                           const Remap& remap, const std::array<int, 3>& largest_padded) {
-  return std::make_unique<OpenclEngine>(device, design, remap, largest_padded);
+                                           const Remap& remap, int lanes) {
+  return std::make_unique<OpenclEngine>(device, design, remap, lanes);
 }
 
 }  // namespace palpate::imaging::adaptive

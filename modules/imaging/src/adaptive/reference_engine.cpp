@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/Eigenvalues>
 
+#include <algorithm>
 #include <cmath>
 
 namespace palpate::imaging::adaptive {
@@ -187,9 +188,10 @@ class ReferenceEngine final : public Engine {
     Eigen::Matrix3d tensor;
     tensor << t[0][at], t[3][at], t[4][at], t[3][at], t[1][at], t[5][at], t[4][at], t[5][at], t[2][at];
     const Eigen::Matrix3d c = control_tensor(tensor, lowpass);
-    return static_cast<float>(input_[at] + (c(0, 0) - 1.0) * hp[0][at] + (c(1, 1) - 1.0) * hp[1][at] +
-                              (c(2, 2) - 1.0) * hp[2][at] +
-                              2.0 * (c(0, 1) * hp[3][at] + c(0, 2) * hp[4][at] + c(1, 2) * hp[5][at]));
+    const double sum = input_[at] + (c(0, 0) - 1.0) * hp[0][at] + (c(1, 1) - 1.0) * hp[1][at] +
+                       (c(2, 2) - 1.0) * hp[2][at] +
+                       2.0 * (c(0, 1) * hp[3][at] + c(0, 2) * hp[4][at] + c(1, 2) * hp[5][at]);
+    return std::clamp(static_cast<float>(sum), remap_.low, remap_.high);
   }
 
   static constexpr const char* what_ = "Adaptive filter";

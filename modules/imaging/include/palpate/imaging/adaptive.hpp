@@ -15,7 +15,7 @@ namespace palpate::imaging {
 struct AdaptiveParameters {
   /// An edge is kept when its step is larger than about this share of the
   /// brightness around it; weaker ones are taken for speckle.
-  double contrast_percent = 40.0;
+  double contrast_percent = 45.0;
   /// Standard deviation of the smoothing where there is no structure, in the
   /// smallest spacing of the volume; other axes follow in millimetres.
   double scale_voxels = 2.0;
@@ -51,15 +51,15 @@ AdaptiveFit adaptive_fit(const core::ImageGeometry& geometry, const AdaptivePara
 std::array<int, 3> adaptive_reach(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters);
 
 /// The filtered volume; the geometry is kept. At the border the outermost
-/// voxels are taken to go on; an axis of one voxel is left out. `grey_range` is
-/// max - min of the whole scan where `volume` is a slab of it.
+/// voxels are taken to go on; an axis of one voxel is left out. `scan` is the
+/// range of the whole scan, of which `volume` may be a slab: the result keeps to it.
 /// device: as compute::open_device takes it; "reference", or no device and none
 /// asked for, is the CPU twin. Works in blocks of at most 4 million voxels with
 /// their margins: up to 0.4 GB beside the volume and its result. Reports
 /// progress and stops within half a second when cancelled. Throws Error(usage)
 /// for parameters outside their ranges, Error(device), Error(cancelled).
 core::Volume adaptive_filter(const core::Volume& volume, const AdaptiveParameters& parameters,
-                             double grey_range, const std::string& device = {},
+                             const core::IntensityRange& scan, const std::string& device = {},
                              const core::Progress& progress = {});
 
 }  // namespace palpate::imaging
