@@ -1,6 +1,8 @@
 // MetaImage: files written byte by byte here, and what must come of them.
 #include "format_support.hpp"
 
+#include <Eigen/LU>
+
 #include <cmath>
 #include <limits>
 
