@@ -134,7 +134,7 @@ TEST_F(UltrasoundPicture, SizesAtTheDetectorAreDerivedAndAbsurdOnesAreNone) {
   const VolumeInfo detector = open({}, "", {{{0x0018, 0x1164}, "0.2\\0.2"}});
   EXPECT_EQ(detector.spacing_provenance[0], Provenance::derived);
   EXPECT_EQ(detector.geometry.spacing_mm()[0], 0.2);
-  for (const char* absurd : {"0\\0", "-0.3\\0.3", "nan\\nan"}) {
+  for (const char* absurd : {"0\\0", "-0.3\\0.3", "nan\\nan", "1e-12\\1e-12", "1e9\\1e9"}) {
     const VolumeInfo info = open({}, absurd);
     EXPECT_EQ(info.spacing_provenance[0], Provenance::assumed) << absurd;
     EXPECT_EQ(info.geometry.spacing_mm()[0], 1.0) << absurd;
@@ -152,6 +152,12 @@ TEST_F(UltrasoundPicture, FramesAreTimeByTheirOwnClock) {
   const VolumeInfo cumulative = open({}, "", {{frame_time_vector, "0\\40\\80\\120\\160"}}, 5);
   EXPECT_EQ(cumulative.frame_times_s, (Times{0.0, 0.04, 0.08, 0.12, 0.16}));
   EXPECT_TRUE(warned(cumulative, "cumulative-frame-times"));
+  DicomMaker both(us_cine_class, "US", "1", "1");
+  both.top().text(frame_time, "10").text(frame_time_vector, "0\\40\\60");
+  both.top().attribute({0x0028, 0x0009}, frame_time);
+  both.pixels(4, 3, 3, 8, [](int, int, int) { return 1; });
+  both.save(folder_ / "both.dcm");
+  EXPECT_EQ(read(folder_ / "both.dcm").info.frame_times_s, (Times{0.0, 0.01, 0.02}));
   const VolumeInfo rate = open({}, "", {{cine_rate, "25"}}, 3);
   EXPECT_EQ(rate.frame_times_s, (Times{0.0, 0.04, 0.08}));
   EXPECT_EQ(rate.time_provenance, Provenance::derived);
@@ -395,6 +401,32 @@ TEST_F(ClassicSeries, CopiesAreDroppedAndRivalsRefused) {
   const std::string text = refusal(folder_.path());
   EXPECT_EQ(text.substr(0, 9), "no-volume");
   EXPECT_NE(text.find("between 1 and 2 different slices"), std::string::npos) << text;
+}
+
+TEST_F(ClassicSeries, AFileThatWasCopiedIsLeftOut) {
+  write_row({0, 1, 2});
+  std::filesystem::copy_file(folder_ / "slice2", folder_ / "slice2 (copy)");
+  const VolumeInfo three = read(folder_.path()).info;
+  EXPECT_EQ(three.geometry.dims()[2], 3);
+  EXPECT_TRUE(warned(three, "duplicate-slices"));
+  for (const char* name : {"slice1", "slice3"}) std::filesystem::remove(folder_ / name);
+  const VolumeInfo one = read(folder_.path()).info;
+  EXPECT_EQ(one.geometry.dims()[2], 1);
+  EXPECT_EQ(one.frames, 1);
+  EXPECT_TRUE(warned(one, "duplicate-slices"));
+}
+
+TEST_F(ClassicSeries, PlacesMayDifferALittleFromTimeToTime) {
+  for (int t = 0; t < 3; ++t)
+    for (int k = 0; k < 2; ++k) {
+      ClassicSlice made = slice(3.6 * k + 0.005 * t, 10 * k + t, 1 + 2 * t + k);
+      made.extra = {{temporal_position, std::to_string(t + 1)}};
+      write(made);
+    }
+  const VolumeInfo info = read(folder_.path()).info;
+  EXPECT_EQ(info.frames, 3);
+  EXPECT_EQ(info.geometry.dims()[2], 2);
+  EXPECT_NEAR(info.geometry.spacing_mm()[2], 3.6, 1e-6);  // of the first time; six digits are written
 }
 
 TEST_F(ClassicSeries, BlocksOfNumbersAreTimesAndSaidToBe) {

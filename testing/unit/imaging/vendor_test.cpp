@@ -162,6 +162,22 @@ TEST_F(VendorVolume, APictureBesideAPrivateVolumeIsOpenedAndSaidToBeOne) {
   EXPECT_FALSE(warned(read(path_).info, "private-volume"));
 }
 
+TEST_F(VendorVolume, AnyMakersLargePrivateVolumeIsToldOf) {
+  const auto write_with = [&](const std::string& words, std::size_t bytes) {
+    DicomMaker file(us_cine_class, "US", "8", "2");
+    file.top().private_text(0x200D, 0x10, "Some Maker 045", 0x0D, words);
+    file.top().private_bytes(0x200D, 0x10, "Some Maker 045", 0x0E, std::string(bytes, '\7'));
+    file.pixels(4, 3, 2, 8, [](int i, int j, int) { return i + j; });
+    file.save(path_);
+  };
+  write_with("DATATYPE_DIN_3D_ECHO", std::size_t{2} << 20);
+  EXPECT_TRUE(warned(read(path_).info, "private-volume"));
+  write_with("DATATYPE_DIN_2D_ECHO", std::size_t{2} << 20);
+  EXPECT_FALSE(warned(read(path_).info, "private-volume"));
+  write_with("DATATYPE_DIN_3D_ECHO", 64);
+  EXPECT_FALSE(warned(read(path_).info, "private-volume"));
+}
+
 class Kretz : public VendorVolume {
  protected:
   /// Smooth over the size of a voxel: bent by at most `bend` a square mm along any line.

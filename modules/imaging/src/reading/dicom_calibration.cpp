@@ -1,5 +1,7 @@
 #include "dicom_calibration.hpp"
 
+#include "text_header.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>
@@ -24,7 +26,8 @@ bool same(const PixelSize& a, const PixelSize& b, double relative) {
 /// "row\column" distances as i and j; none where one is no size.
 std::optional<PixelSize> spacing_in(const DicomItem& dataset, DicomTag tag) {
   const auto rows_columns = dataset.numbers(tag);
-  if (rows_columns.size() != 2 || !(rows_columns[0] > 0.0) || !(rows_columns[1] > 0.0)) return std::nullopt;
+  if (rows_columns.size() != 2 || !is_voxel_size(rows_columns[0]) || !is_voxel_size(rows_columns[1]))
+    return std::nullopt;
   return PixelSize{rows_columns[1], rows_columns[0]};
 }
 
@@ -42,9 +45,11 @@ std::optional<PixelSize> region_pixel(const DicomItem& region) {
   if (!is({0x0018, 0x6024}, centimetres) || !is({0x0018, 0x6026}, centimetres)) return std::nullopt;
   const auto x = region.number({0x0018, 0x602C});
   const auto y = region.number({0x0018, 0x602E});
+  if (!x || !y) return std::nullopt;
   // A negative step only says which way the region's axis points.
-  if (!x || !y || *x == 0.0 || *y == 0.0) return std::nullopt;
-  return PixelSize{std::abs(*x) * mm_a_cm, std::abs(*y) * mm_a_cm};
+  const PixelSize size{std::abs(*x) * mm_a_cm, std::abs(*y) * mm_a_cm};
+  if (!is_voxel_size(size[0]) || !is_voxel_size(size[1])) return std::nullopt;
+  return size;
 }
 
 /// Every size that the regions give, each once.
@@ -86,12 +91,9 @@ std::optional<std::vector<double>> vector_times_ms(const std::vector<double>& ve
   return ms;
 }
 
-void take_even(double step_s, int frames, Provenance provenance, CineTimes& times) {
-  for (int frame = 0; frame < frames; ++frame) times.frame_times_s.push_back(frame * step_s);
-  times.provenance = provenance;
-}
-
 }  // namespace
+
+bool is_voxel_size(double mm) { return mm >= 1e-6 && mm <= 1e3; }
 
 Calibration calibrate(const DicomItem& dataset) {
   Calibration result;
@@ -138,16 +140,19 @@ CineTimes cine_times(const DicomItem& dataset, int frames) {
     times.warnings.push_back({"bad-frame-times", "The file's frame time vector has " +
                                                      std::to_string(vector.size()) + " entries for " +
                                                      std::to_string(frames) + " frames; it is not used."});
-  if (whole)
+  const auto step_ms = dataset.number({0x0018, 0x1063});
+  const bool even = step_ms && *step_ms > 0.0;
+  constexpr double ms_a_s = 1000.0;
+  // Which of the two holds, where both are there, the increment pointer says.
+  const bool even_first = even && lower_case(dataset.text({0x0028, 0x0009})) == "(0018,1063)";
+  if (whole && !even_first)
     if (const auto ms = vector_times_ms(vector, times)) {
-      constexpr double ms_a_second = 1000.0;
-      for (const double time : *ms) times.frame_times_s.push_back(time / ms_a_second);
+      for (const double time : *ms) times.frame_times_s.push_back(time / ms_a_s);
       times.provenance = Provenance::stated;
       return times;
     }
-  const auto step_ms = dataset.number({0x0018, 0x1063});
-  if (step_ms && *step_ms > 0.0) {
-    for (int frame = 0; frame < frames; ++frame) times.frame_times_s.push_back(frame * *step_ms / 1000.0);
+  if (even) {
+    for (int frame = 0; frame < frames; ++frame) times.frame_times_s.push_back(frame * *step_ms / ms_a_s);
     times.provenance = Provenance::stated;
     return times;
   }
@@ -155,7 +160,8 @@ CineTimes cine_times(const DicomItem& dataset, int frames) {
   for (const DicomTag tag : {DicomTag{0x0018, 0x0040}, DicomTag{0x0008, 0x2144}}) {
     const auto rate_hz = dataset.number(tag);
     if (!rate_hz || !(*rate_hz > 0.0)) continue;
-    take_even(1.0 / *rate_hz, frames, Provenance::derived, times);
+    for (int frame = 0; frame < frames; ++frame) times.frame_times_s.push_back(frame / *rate_hz);
+    times.provenance = Provenance::derived;
     return times;
   }
   return times;

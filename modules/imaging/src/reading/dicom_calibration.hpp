@@ -10,6 +10,10 @@
 
 namespace palpate::imaging::reading {
 
+/// Whether a voxel can be that large: from a nanometre to a metre. Anything
+/// else is no size, and no NaN is.
+bool is_voxel_size(double mm);
+
 /// What a header says of the size of a pixel, and how far it may be believed.
 ///
 /// The calibration of ultrasound regions is that of the tissue that is drawn

@@ -1,6 +1,7 @@
 // Where and when each frame of a DICOM file is: PS3.3 C.7.6.2, C.7.6.16, C.8.24.6.
 #include "dicom_frames.hpp"
 
+#include "dicom_calibration.hpp"
 #include "parsed.hpp"
 #include "text_header.hpp"
 
@@ -203,10 +204,10 @@ void take_groups(const DicomItem& dataset, const std::filesystem::path& path, bo
     const Groups groups(n < own.size() ? &own[n] : nullptr, shared.empty() ? nullptr : &shared.front());
     if (const auto measures = groups.find({0x0028, 0x9110})) {
       const auto rows_columns = measures->numbers({0x0028, 0x0030});
-      if (rows_columns.size() == 2 && rows_columns[0] > 0.0 && rows_columns[1] > 0.0)
+      if (rows_columns.size() == 2 && is_voxel_size(rows_columns[0]) && is_voxel_size(rows_columns[1]))
         record.pixel_mm = {rows_columns[1], rows_columns[0]};
       const auto between = measures->number({0x0018, 0x0088});
-      if (between && *between > 0.0 && !file.between_mm) file.between_mm = between;
+      if (between && is_voxel_size(*between) && !file.between_mm) file.between_mm = between;
     }
     by_patient.push_back(patient ? plane_in(groups, patient_plane, path, lenient, file.repaired_by)
                                  : std::nullopt);
@@ -291,8 +292,13 @@ FileFrames read_frames(const DicomItem& dataset, const std::filesystem::path& pa
   common.columns = columns;
   common.rows = rows;
   take_classic_clock(dataset, common.clock);
+  if (common.clock.image_type.find("MOSAIC") != std::string::npos)
+    file.warnings.push_back(
+        {"mosaic",
+         "Every picture is a mosaic of slices side by side; they are not taken apart, and "
+         "no place in it but the first slice's is right."});
   const auto between = dataset.number({0x0018, 0x0088});
-  if (between && *between > 0.0) file.between_mm = between;
+  if (between && is_voxel_size(*between)) file.between_mm = between;
   for (int frame = 0; frame < frames; ++frame) {
     file.records.push_back(common);
     file.records.back().file_frame = frame;
@@ -304,7 +310,10 @@ FileFrames read_frames(const DicomItem& dataset, const std::filesystem::path& pa
   for (auto& record : file.records) record.plane = plane;
   if (frames == 1 || take_offsets(dataset, plane, file)) return file;
   const bool timed = dataset.has({0x0018, 0x1063}) || dataset.has({0x0018, 0x1065});
-  if (made_of_slices(dataset.text(sop_class_tag)) && !timed) file.role = FrameRole::unplaced_slices;
+  // Nuclear medicine counts its frames by a slice vector alone.
+  const bool by_slice = dataset.text({0x0028, 0x0009}) == "(0054,0080)";
+  if ((made_of_slices(dataset.text(sop_class_tag)) || by_slice) && !timed)
+    file.role = FrameRole::unplaced_slices;
   return file;
 }
 

@@ -22,17 +22,13 @@ std::vector<Place> places_of(const std::vector<FrameRecord>& records, std::vecto
   const auto along = [&](std::size_t n) { return records[n].plane->position.dot(normal); };
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return along(a) < along(b); });
-  // Positions carry rounding; slices of microscopes can be microns apart. What
-  // is closer than a twentieth of the usual step is one place.
-  std::vector<double> steps;
+  // Positions carry rounding, and those of one place differ a little from time
+  // to time; slices of microscopes are microns apart. What is closer than a
+  // twentieth of the widest step, and than any slice is thick, is one place.
+  double widest = 0.0;
   for (std::size_t n = 1; n < order.size(); ++n)
-    if (const double step = along(order[n]) - along(order[n - 1]); step > 1e-4) steps.push_back(step);
-  double tolerance = 0.01;
-  if (!steps.empty()) {
-    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-    std::nth_element(steps.begin(), middle, steps.end());
-    tolerance = std::min(tolerance, 0.05 * *middle);
-  }
+    widest = std::max(widest, along(order[n]) - along(order[n - 1]));
+  const double tolerance = std::min(0.02, 0.05 * widest);
   std::vector<Place> places;
   for (const std::size_t n : order) {
     if (places.empty() || along(n) - along(places.back().front()) > tolerance) {
@@ -319,10 +315,14 @@ Numbered number_frames(const std::vector<FrameRecord>& records, const std::files
   std::vector<Place> places = places_of(records, numbered.along_mm);
   const std::vector<Key> keys = keys_of(records);
   Arrangement found = arrange(records, places, keys);
-  // Where keys tell frames apart they are no copies, black or not; a single
-  // place is a cine, which may stand still.
-  if ((found.at.empty() || found.keys.by_instance) && same_pixels && places.size() > 1) {
-    const std::size_t dropped = drop_copies(records, same_pixels, places);
+  // Where keys tell frames apart they are no copies, black or not.
+  if ((found.at.empty() || found.keys.by_instance) && same_pixels) {
+    // A single place is a cine, which may stand still: there a copy has its original's number.
+    const bool cine = places.size() == 1;
+    const SamePixels is_copy = [&](const FrameRecord& a, const FrameRecord& b) {
+      return (!cine || a.clock.instance == b.clock.instance) && same_pixels(a, b);
+    };
+    const std::size_t dropped = drop_copies(records, is_copy, places);
     if (dropped > 0) {
       found = arrange(records, places, keys);
       warn(info, "duplicate-slices",

@@ -351,7 +351,8 @@ Parsed parse_one(const std::filesystem::path& path, const Context& context) {
   scan.shown = path;
   scan.parts.push_back(read_part(file, context, info));
   assemble(scan, context, info);
-  if (const std::string unread = unread_volume(file); !unread.empty()) warn(info, "private-volume", unread);
+  if (info.modality == "US" || info.modality == "IVUS")
+    if (const std::string unread = unread_volume(file); !unread.empty()) warn(info, "private-volume", unread);
   return finish(scan, context, std::move(info));
 }
 

@@ -4,8 +4,9 @@
 #include "process.hpp"
 
 #include <algorithm>
+#include <fstream>
+#include <iterator>
 #include <map>
-#include <set>
 
 namespace palpate::imaging::reading {
 namespace {
@@ -72,9 +73,19 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
   }
 }
 
+bool same_bytes(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  if (fs::file_size(a, error) != fs::file_size(b, error) || error) return false;
+  std::ifstream first(a, std::ios::binary);
+  std::ifstream second(b, std::ios::binary);
+  return first && second &&
+         std::equal(std::istreambuf_iterator<char>(first), std::istreambuf_iterator<char>(),
+                    std::istreambuf_iterator<char>(second));
+}
+
 void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& survey) {
   std::map<std::pair<fs::path, std::string>, std::size_t> slices_of;
-  std::set<std::pair<fs::path, std::string>> instances;
+  std::map<std::pair<fs::path, std::string>, std::size_t> instances;  // the first file of each
   for (std::size_t n = 0; n < files.size(); ++n) {
     const DicomGlance& glance = seen[n];
     const bool broken = std::any_of(survey.broken.begin(), survey.broken.end(),
@@ -84,10 +95,12 @@ void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& sur
       survey.others.push_back(files[n]);
       continue;
     }
-    // A second file of the same instance is a copy or another version, not another slice.
-    const bool copy = !glance.instance_uid.empty() &&
-                      !instances.insert({files[n].parent_path(), glance.instance_uid}).second;
-    if (glance.slice && !copy && !glance.series_uid.empty()) {
+    // A second file of the same instance is another version of it, not another
+    // slice; a plain copy goes with its series, which leaves it out and says so.
+    const auto [first, fresh] = instances.try_emplace({files[n].parent_path(), glance.instance_uid}, n);
+    const bool version =
+        !glance.instance_uid.empty() && !fresh && !same_bytes(files[first->second], files[n]);
+    if (glance.slice && !version && !glance.series_uid.empty()) {
       const auto [place, added] =
           slices_of.try_emplace({files[n].parent_path(), glance.series_uid}, survey.series.size());
       if (!added) {

@@ -7,6 +7,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcdatset.h>
+#include <dcmtk/dcmdata/dcelem.h>
+#include <dcmtk/dcmdata/dcfilefo.h>
+#include <dcmtk/dcmdata/dcstack.h>
 #include <sstream>
 
 namespace palpate::imaging::reading {
@@ -20,9 +25,6 @@ constexpr const char* cine_class = "1.2.840.10008.5.1.4.1.1.3.1";
 constexpr const char* movie_group = "GEMS_Ultrasound_MovieGroup_001";
 
 std::string sop_class_of(const DicomItem& dataset) { return dataset.text({0x0008, 0x0016}); }
-
-/// A size of a voxel that can be one: from a hundredth of a micron to a metre.
-bool is_size(double mm) { return std::isfinite(mm) && mm > 1e-5 && mm < 1e3; }
 
 std::vector<double> private_numbers(const DicomItem& item, std::uint16_t group, const std::string& creator,
                                     std::uint8_t low) {
@@ -55,7 +57,7 @@ int count_in(const DicomItem& dataset, DicomTag tag, int otherwise) {
 }
 
 void set_axis(VendorGrid& grid, int axis, double mm, Provenance provenance) {
-  if (!is_size(mm)) return;
+  if (!is_voxel_size(mm)) return;
   grid.spacing_mm[axis] = mm;
   grid.spacing_provenance[static_cast<std::size_t>(axis)] = provenance;
 }
@@ -113,7 +115,7 @@ std::optional<VendorGrid> affinity_grid(const DicomFile& file) {
   const std::string creator = "Philips US Imaging DD 036";
   constexpr std::uint16_t group = 0x200D;
   const auto spacing = private_numbers(dataset, group, creator, 0x03);
-  if (spacing.size() != 3 || !std::all_of(spacing.begin(), spacing.end(), is_size)) return std::nullopt;
+  if (spacing.size() != 3 || !std::all_of(spacing.begin(), spacing.end(), is_voxel_size)) return std::nullopt;
   const auto dims = private_numbers(dataset, group, creator, 0x01);
   VendorGrid grid;
   grid.kind = "Philips Affinity";
@@ -171,6 +173,39 @@ std::string movie_kind(const DicomItem& dataset) {
   return kinds;
 }
 
+/// What private elements at any depth hold together.
+struct PrivateData {
+  std::size_t bytes = 0;    ///< of the largest binary value
+  std::string creator;      ///< whose it is
+  std::string says_volume;  ///< a private text that speaks of 3-D or 4-D data
+};
+
+PrivateData private_data_in(const DicomFile& file) {
+  PrivateData found;
+  DcmStack stack;
+  DcmDataset& dataset = *file.format().getDataset();
+  while (dataset.nextObject(stack, OFTrue).good()) {
+    DcmObject* object = stack.top();
+    const DcmTag& tag = object->getTag();
+    if (tag.getGroup() % 2 == 0 || object->ident() == EVR_item || object->ident() == EVR_SQ) continue;
+    const std::size_t length = object->getLengthField();
+    const bool binary = object->getVR() == EVR_OB || object->getVR() == EVR_OW || object->getVR() == EVR_UN;
+    constexpr std::size_t short_text = 256;
+    if (binary && length != DCM_UndefinedLength && length > found.bytes) {
+      found.bytes = length;
+      const char* creator = tag.getPrivateCreator();
+      found.creator = creator == nullptr ? "unknown creator" : creator;
+    } else if (length < short_text && tag.getElement() > 0xFF && object->isLeaf()) {
+      OFString text;
+      if (static_cast<DcmElement*>(object)->getOFString(text, 0).bad()) continue;
+      const std::string words(text.c_str());
+      if (words.find("3D") != std::string::npos || words.find("4D") != std::string::npos)
+        found.says_volume = words;
+    }
+  }
+  return found;
+}
+
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const auto& word : words) text += (text.empty() ? "" : ", ") + word;
@@ -193,9 +228,13 @@ std::string scanner_of(const DicomItem& dataset) {
 }
 
 std::string unread_volume(const DicomFile& file) {
+  const PrivateData found = private_data_in(file);
+  constexpr std::size_t megabyte = std::size_t{1} << 20;
   const std::string kind = movie_kind(file.dataset());
-  if (kind.find("3D") == std::string::npos && kind.find("4D") == std::string::npos) return {};
-  return "The file also holds a volume in GE's private form (" + std::string(movie_group) + ", " + kind +
+  const bool movie = kind.find("3D") != std::string::npos || kind.find("4D") != std::string::npos;
+  if (!movie && (found.bytes < megabyte || found.says_volume.empty())) return {};
+  return "The file also holds what seems to be a volume in the maker's private form (" +
+         (movie ? std::string(movie_group) + ", " + kind : found.creator + ", " + found.says_volume) +
          "), which is not published and was left; what is shown is the picture beside it. Export the volume "
          "as Cartesian DICOM or Enhanced US Volume from the scanner or its workstation.";
 }
