@@ -327,10 +327,14 @@ CodedFrame DicomPixels::State::coded_frame(int frame) {
   std::string reason;
   const std::string cannot = "holds pixels that cannot be decoded (" + syntax.name + ", SOP class " +
                              sop_class_of(file) + "). Export it uncompressed, or as MetaImage or NRRD.";
-  const auto risk = [&] { context.about_to_risk(file.path(), cannot); };
+  bool risked = false;
+  const auto risk = [&] {
+    risked = true;
+    context.about_to_risk(file.path(), cannot);
+  };
   CodingOutcome outcome = CodingOutcome::damaged;
   if (run.count > 0) outcome = decode_frame(syntax.coding, stream.bytes, shape, risk, coded, reason);
-  context.about_to_risk(file.path(), {});
+  if (risked) context.about_to_risk(file.path(), {});
   if (outcome == CodingOutcome::refused) fail("unsupported", file.path(), cannot, reason);
   coded.damaged = outcome == CodingOutcome::damaged || !stream.whole;
   if (coded.damaged) report_damage(frame, reason);
