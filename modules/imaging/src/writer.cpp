@@ -19,8 +19,10 @@
 #include <fstream>
 #include <functional>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <utility>
+#include <zlib.h>
 
 namespace palpate::imaging {
 namespace {
@@ -145,6 +147,48 @@ bool came_out_whole(const fs::path& staged, const std::string& ending, const Pix
   return std::memcmp(back.data(), pixels.data, pixels.bytes) == 0;
 }
 
+/// ITK writes four axes as space, without saying of which kind; then nobody
+/// can tell the patient's axes, nor that the fourth is time.
+void say_time_in_nrrd(const fs::path& staged, bool timed) {
+  std::ifstream in(staged, std::ios::binary);
+  std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  in.close();
+  const std::string unsaid = "space dimension: 4\n";
+  const auto at = text.find(unsaid);
+  if (at == std::string::npos || at > text.find("\n\n")) return;
+  text.replace(at, unsaid.size(),
+               std::string("space: left-posterior-superior-time\nspace units: \"mm\" \"mm\" \"mm\" ") +
+                   (timed ? "\"s\"\n" : "\"frame\"\n"));
+  std::ofstream(staged, std::ios::binary | std::ios::trunc)
+      .write(text.data(), static_cast<std::streamsize>(text.size()));
+}
+
+/// ITK leaves out the unit of time, "xyzt_units" of the header: here mm and s.
+void say_time_in_nifti(const fs::path& staged, bool zipped) {
+  constexpr std::size_t units_at = 123;
+  constexpr char mm_and_s = 2 | 8;
+  if (!zipped) {
+    std::fstream file(staged, std::ios::binary | std::ios::in | std::ios::out);
+    file.seekp(units_at);
+    file.put(mm_and_s);
+    return;
+  }
+  const fs::path again = fs::path(staged).replace_extension(".again");
+  const auto close = [](gzFile file) { gzclose(file); };
+  const std::unique_ptr<gzFile_s, decltype(close)> in(gzopen(staged.c_str(), "rb"), close);
+  std::unique_ptr<gzFile_s, decltype(close)> out(gzopen(again.c_str(), "wb6"), close);
+  if (!in || !out) return;
+  std::vector<char> block(std::size_t{1} << 20U);
+  bool first = true;
+  for (int count = 0; (count = gzread(in.get(), block.data(), static_cast<unsigned>(block.size()))) > 0;) {
+    if (first && static_cast<std::size_t>(count) > units_at) block[units_at] = mm_and_s;
+    first = false;
+    if (gzwrite(out.get(), block.data(), static_cast<unsigned>(count)) != count) return;
+  }
+  out.reset();
+  fs::rename(again, staged);
+}
+
 void write_staged(const AtomicOutput& output, const fs::path& staged, const std::string& ending,
                   const std::vector<core::Volume>& frames, double frame_spacing_s,
                   const WriteOptions& options) {
@@ -157,6 +201,10 @@ void write_staged(const AtomicOutput& output, const fs::path& staged, const std:
     io->SetUseCompression(options.compress);
     io->WriteImageInformation();
     io->Write(pixels.data);
+    const bool timed = frame_spacing_s > 0.0;
+    if (frames.size() > 1 && ending == ".nrrd") say_time_in_nrrd(staged, timed);
+    if (frames.size() > 1 && timed && ending.compare(0, 4, ".nii") == 0)
+      say_time_in_nifti(staged, ending == ".nii.gz");
     whole = came_out_whole(staged, ending, pixels);
   } catch (const itk::ExceptionObject&) {  // its words name addresses and staged files
   }

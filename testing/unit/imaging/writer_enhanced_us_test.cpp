@@ -289,6 +289,32 @@ TEST(EnhancedUs, NamesNobodyUnlessTold) {
       << "the same content has the same UID";
 }
 
+TEST(EnhancedUs, TheReaderBringsBackFractionsTimesAndUnknownAxes) {
+  const TemporaryFolder folder;
+  WriteOptions options = dated();
+  options.frame_times_s = {0.0, 0.04, 0.09};
+  const std::vector<Volume> frames{ramp(oblique(), -10.0F, 0.37F), ramp(oblique(), 0.0F, 0.11F),
+                                   ramp(oblique(), 5.0F, 0.02F)};
+  write(folder / "known.dcm", frames, 0.0, options);
+  options.dicom.patient_axes = false;
+  write(folder / "unknown.dcm", frames, 0.0, options);
+  const double step = (static_cast<double>(frames[0].range().max) + 10.0) / 65535.0;
+  for (const bool known : {true, false}) {
+    const auto back = palpate::imaging::read(folder / (known ? "known.dcm" : "unknown.dcm"));
+    EXPECT_EQ(back.info.sop_class, "1.2.840.10008.5.1.4.1.1.6.2");
+    EXPECT_EQ(back.info.patient_axes, known);
+    EXPECT_EQ(back.info.frame_times_s, options.frame_times_s);
+    // Both frames of reference have the same numbers, the patient's as
+    // decimal strings.
+    EXPECT_TRUE(back.info.geometry.ijk_to_lps_mm().isApprox(oblique().ijk_to_lps_mm(), 1e-12));
+    ASSERT_EQ(back.frames.size(), 3U);
+    for (std::size_t f = 0; f < 3; ++f)
+      for (std::size_t n = 0; n < frames[f].size(); ++n)
+        // Half a step, and the rounding of floats near 80.
+        ASSERT_NEAR(back.frames[f].data()[n], frames[f].data()[n], 0.5 * step + 1e-5);
+  }
+}
+
 TEST(EnhancedUs, DciodvfyFindsNoError) {
   const std::string program = program_in_path("dciodvfy");
   if (program.empty()) GTEST_SKIP() << "dciodvfy is not installed (package dicom3tools)";

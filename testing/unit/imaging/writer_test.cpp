@@ -1,6 +1,7 @@
 #include "palpate/imaging/writer.hpp"
 
 #include "palpate/core/error.hpp"
+#include "palpate/imaging/reader.hpp"
 #include "palpate/testing/support.hpp"
 
 #include <Eigen/Geometry>
@@ -183,6 +184,75 @@ TEST(Writer, SeveralFramesMakeAFourthAxisOfTime) {
     for (std::size_t f = 0; f < 3; ++f)
       EXPECT_EQ(std::memcmp(back.floats() + f * frames[f].size(), frames[f].data(), frames[f].size() * 4), 0);
   }
+}
+
+/// By the program's own reader, which need not agree with ITK: how far the
+/// corners of the box of voxels are from where they were.
+double largest_shift_mm(const ImageGeometry& a, const ImageGeometry& b) {
+  double shift = 0.0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d ijk((corner & 1) * (a.dims()[0] - 1), (corner >> 1 & 1) * (a.dims()[1] - 1),
+                              (corner >> 2) * (a.dims()[2] - 1));
+    shift = std::max(shift, (a.to_lps_mm(ijk) - b.to_lps_mm(ijk)).norm());
+  }
+  return shift;
+}
+
+TEST(Writer, EveryFormatComesBackThroughTheReader) {
+  using palpate::core::Provenance;
+  const TemporaryFolder folder;
+  for (const auto& geometry : {flipped(), oblique(), left_handed()})
+    for (const std::string ending : {".mha", ".mhd", ".nrrd", ".nii", ".nii.gz", ".dcm"})
+      for (const std::size_t count : {1U, 3U}) {
+        SCOPED_TRACE(ending + ", frames: " + std::to_string(count));
+        std::vector<Volume> frames;
+        for (std::size_t n = 0; n < count; ++n)
+          frames.push_back(ramp(geometry, 1000.0F * static_cast<float>(n), 1.0F));
+        write(folder / ("a" + ending), frames, 0.125);
+        const auto back = palpate::imaging::read(folder / ("a" + ending));
+        ASSERT_EQ(back.frames.size(), count);
+        EXPECT_EQ(back.info.geometry.dims(), geometry.dims());
+        // NIfTI: 32-bit floats through a quaternion, 1e-6 of coordinates below
+        // 50 mm. DICOM: decimal strings of 16 characters. The others: doubles.
+        const double tolerance_mm = ending.compare(0, 4, ".nii") == 0 ? 5e-5 : 1e-10;
+        EXPECT_LE(largest_shift_mm(back.info.geometry, geometry), tolerance_mm);
+        // The distance of DICOM's planes is that of their positions.
+        const auto third = ending == ".dcm" ? Provenance::derived : Provenance::stated;
+        EXPECT_EQ(back.info.spacing_provenance,
+                  (std::array<Provenance, 3>{Provenance::stated, Provenance::stated, third}));
+        EXPECT_EQ(back.info.origin_provenance, Provenance::stated);
+        EXPECT_EQ(back.info.direction_provenance, Provenance::stated);
+        EXPECT_TRUE(back.info.patient_axes);
+        for (std::size_t n = 0; n < count; ++n)
+          EXPECT_EQ(std::memcmp(back.frames[n].data(), frames[n].data(), frames[n].size() * sizeof(float)),
+                    0);
+        if (count == 1) continue;
+        EXPECT_EQ(back.info.frame_times_s, (std::vector<double>{0.0, 0.125, 0.25}));
+        EXPECT_EQ(back.info.time_provenance, Provenance::stated);
+      }
+}
+
+TEST(Writer, TimesThatNobodyKnowsStayUnknown) {
+  const TemporaryFolder folder;
+  const std::vector<Volume> frames{ramp(oblique(), 0.0F), ramp(oblique(), 1000.0F)};
+  for (const std::string ending : {".mha", ".nrrd", ".nii", ".dcm"}) {
+    write(folder / ("a" + ending), frames);
+    const auto back = palpate::imaging::read(folder / ("a" + ending));
+    EXPECT_EQ(back.info.frames, 2) << ending;
+    EXPECT_NE(back.info.time_provenance, palpate::core::Provenance::stated) << ending;
+  }
+}
+
+TEST(Writer, UnevenTimesBecomeTheirMeanStepOutsideDicom) {
+  const TemporaryFolder folder;
+  const std::vector<Volume> frames{ramp(oblique(), 0.0F), ramp(oblique(), 1000.0F), ramp(oblique(), 2000.0F)};
+  WriteOptions options;
+  options.frame_times_s = {1.0, 1.125, 1.5};
+  write(folder / "a.mha", frames, 0.0, options);
+  write(folder / "a.dcm", frames, 0.0, options);
+  EXPECT_DOUBLE_EQ(read_back(folder / "a.mha").spacing[3], 0.25);
+  EXPECT_EQ(palpate::imaging::read(folder / "a.dcm").info.frame_times_s,
+            (std::vector<double>{0.0, 0.125, 0.5}));
 }
 
 TEST(Writer, RoundsAndClampsToEightBits) {

@@ -224,12 +224,30 @@ Palette read_palette(const DicomFile& file, const DicomPixelForm& form) {
   return palette;
 }
 
+/// Enhanced US Volume fixes its rescale at one (PS3.3 C.8.24.3). Where its
+/// greys are not the stored numbers, one Real World Value Mapping that is
+/// linear and without a unit says what they are.
+std::optional<ModalityRescale> ultrasound_greys(const DicomItem& group) {
+  const auto maps = group.items({0x0040, 0x9096});
+  if (maps.size() != 1) return {};
+  const auto slope = maps.front().number({0x0040, 0x9225});
+  const auto units = maps.front().items({0x0040, 0x08EA});
+  if (!slope || *slope == 0.0 || units.empty() || units.front().text({0x0008, 0x0100}) != "1") return {};
+  ModalityRescale rescale;
+  rescale.slope = *slope;
+  rescale.intercept = maps.front().number({0x0040, 0x9224}).value_or(0.0);
+  return rescale;
+}
+
 ModalityRescale read_rescale(const DicomFile& file, const DicomPixelForm& form,
                              const std::vector<DicomItem>& frame_groups, int frame) {
   ModalityRescale rescale;
   const DicomItem data = file.dataset();
+  const bool ultrasound_volume = data.text({0x0008, 0x0016}) == "1.2.840.10008.5.1.4.1.1.6.2";
+  std::optional<ModalityRescale> greys;
   std::vector<DicomItem> places;
   const auto add = [&](const DicomItem& group) {
+    if (ultrasound_volume && !greys) greys = ultrasound_greys(group);
     const auto items = group.items({0x0028, 0x9145});
     if (!items.empty()) places.push_back(items.front());
   };
@@ -237,6 +255,7 @@ ModalityRescale read_rescale(const DicomFile& file, const DicomPixelForm& form,
     add(frame_groups[static_cast<std::size_t>(frame)]);
   const auto shared = data.items({0x5200, 0x9229});
   if (!shared.empty()) add(shared.front());
+  if (greys) return *greys;
   places.push_back(data);
   for (const auto& place : places) {
     const auto slope = place.number({0x0028, 0x1053});
