@@ -10,6 +10,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
+#include <system_error>
 
 namespace palpate::cli {
 namespace {
@@ -91,6 +93,12 @@ std::string to_text(const imaging::InputReport& report) {
   return text;
 }
 
+/// A series of several files, which its folder may hold others beside.
+bool in_folder(const imaging::InputReport& report) {
+  std::error_code error;
+  return !report.volumes.front().series_uid.empty() && std::filesystem::is_directory(report.path, error);
+}
+
 /// A line a series, in columns.
 std::string overview(const std::vector<imaging::InputReport>& reports) {
   std::vector<std::array<std::string, 6>> rows{{"Kind", "Voxels", "Frames", "Spacing", "Date", "Path"}};
@@ -100,11 +108,11 @@ std::string overview(const std::vector<imaging::InputReport>& reports) {
       continue;
     }
     for (const auto& info : report.volumes)
-      rows.push_back(
-          {info.modality.empty() ? info.format : info.modality, size_of(info), std::to_string(info.frames),
-           info.spacing_is_assumed() ? "unknown" : three(info.geometry.spacing_mm(), 4) + " mm",
-           info.date.empty() ? "-" : info.date,
-           report.path.string() + (info.series_uid.empty() ? "" : " --series " + info.series_uid)});
+      rows.push_back({info.modality.empty() ? info.format : info.modality, size_of(info),
+                      std::to_string(info.frames),
+                      info.spacing_is_assumed() ? "unknown" : three(info.geometry.spacing_mm(), 4) + " mm",
+                      info.date.empty() ? "-" : info.date,
+                      report.path.string() + (in_folder(report) ? " --series " + info.series_uid : "")});
   }
   std::array<std::size_t, 6> widths{};
   for (const auto& row : rows)

@@ -84,7 +84,7 @@ void add_reading_options(OptionSet& options, ScanOptions& scan) {
   options.value(
       "--grid-spacing", "MM",
       "voxels of the grid that a scan in polar coordinates is turned into (default: its finest)",
-      [&](const std::string& text) { input.grid_spacing_mm = parse_number(text, 1e-3, 1e3, "mm"); });
+      [&](const std::string& text) { input.grid_spacing_mm = parse_number(text, 0.01, 100.0, "mm"); });
 }
 
 void add_scan_options(OptionSet& options, ScanOptions& scan) {

@@ -92,8 +92,10 @@ struct FrameStore::State {
   }
   /// How many frames from k on are worth one reading.
   int count_from(int k) {
-    const std::size_t fit =
-        std::max<std::size_t>(1, budget_bytes / 2 / std::max<std::size_t>(1, frame_bytes()));
+    // More would keep whoever waits for the first of them waiting.
+    constexpr std::size_t most_bytes = std::size_t{256} << 20;
+    const std::size_t fit = std::max<std::size_t>(
+        1, std::min(budget_bytes / 2, most_bytes) / std::max<std::size_t>(1, frame_bytes()));
     int end = k + static_cast<int>(std::min<std::size_t>(fit, static_cast<std::size_t>(info.frames - k)));
     for (int next = k + 1; next < end; ++next)
       if (holds(next) || job_of(next) != nullptr) end = next;

@@ -4,8 +4,10 @@
 #include "reader_files.hpp"
 
 #include "palpate/core/error.hpp"
+#include "palpate/imaging/writer.hpp"
 #include "palpate/testing/support.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -204,6 +206,37 @@ TEST_F(Frames, DamageIsToldAndDoesNotStay) {
     FAIL() << "it was opened";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), "truncated");
+  }
+}
+
+TEST_F(Frames, OfEveryKindThatIsWrittenComeOneByOne) {
+  std::vector<palpate::core::Volume> beat;
+  const palpate::core::ImageGeometry geometry({5, 4, 3}, {0.5, 0.75, 1.0}, {1.0, 2.0, 3.0});
+  for (int k = 0; k < 6; ++k) {
+    std::vector<float> voxels(geometry.voxel_count(), static_cast<float>(10 * k));
+    voxels[7] = 200.0F;
+    beat.emplace_back(geometry, voxels);
+  }
+  for (const std::string ending : {".mha", ".nrrd", ".nii.gz", ".dcm"}) {
+    const auto path = folder_ / ("beat" + ending);
+    palpate::imaging::write(path, beat, 0.05);
+    FrameStore store(path, {}, 4 * geometry.voxel_count() * sizeof(float));
+    ASSERT_EQ(store.info().frames, 6) << ending;
+    EXPECT_EQ(store.info().geometry.dims(), geometry.dims()) << ending;
+    for (const int k : {4, 1, 5, 0, 3, 2}) {
+      EXPECT_EQ(store.frame(k).at(0, 0, 0), static_cast<float>(10 * k)) << ending;
+      EXPECT_EQ(store.frame(k).data()[7], 200.0F) << ending;
+    }
+    // Cut off behind the header: refused, now or when the frame is asked for.
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) * 6 / 10);
+    std::string code = "none";
+    try {
+      FrameStore cut(path, {}, 1);
+      cut.frame(5);
+    } catch (const Error& error) {
+      code = error.code();
+    }
+    EXPECT_THAT(code, ::testing::AnyOf("truncated", "bad-header", "unsupported")) << ending;
   }
 }
 

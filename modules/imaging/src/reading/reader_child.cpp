@@ -161,6 +161,9 @@ void send_thumbnail(const std::vector<std::filesystem::path>& paths, int frames,
                     std::size_t memory_bytes) {
   ReadOptions options = request.options;
   options.frame = paths.size() == 1 ? frames / 2 : 0;
+  // A finer grid of a scan in polar coordinates would be made for nothing.
+  constexpr double coarse_mm = 1.0;
+  if (!options.grid_spacing_mm) options.grid_spacing_mm = coarse_mm;
   const core::Progress silent;
   const Context context{options, silent, own_voxels, memory_bytes, false, tell_risk};
   try {

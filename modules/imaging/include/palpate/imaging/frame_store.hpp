@@ -23,9 +23,11 @@ class FrameStore {
   FrameStore(const FrameStore&) = delete;
   FrameStore& operator=(const FrameStore&) = delete;
 
+  /// As the file says it of all frames; min, max and mean are those of the first that was read.
   const core::VolumeInfo& info() const;
   /// Frame k, from the memory or from the file; from the file it reads some
-  /// that follow along, as far as half the budget allows. Throws as read().
+  /// that follow along, as far as half the budget and 256 MB allow. Throws as
+  /// read(), and Error(input, "changed") where the file is no more what it was.
   core::Volume frame(int k, const core::Progress& progress = {});
   /// Whether frame(k) would return at once.
   bool holds(int k) const;
