@@ -145,6 +145,13 @@ TEST_F(Sandbox, AScanIsReadInIt) {
 
 TEST_F(Sandbox, TheReaderSaysThatItIsInIt) { EXPECT_EQ(palpate::imaging::reader_sandbox(), "seccomp"); }
 
+TEST_F(Sandbox, AReaderThatEndsAtOnceSaysNothingOfIt) {
+  setenv("PALPATE_READER", "/bin/false", 1);
+  const std::string state = palpate::imaging::reader_sandbox();
+  unsetenv("PALPATE_READER");
+  EXPECT_EQ(state, "none");
+}
+
 /// A line of /proc/PID/status of the only child of this process.
 std::string status_of_child(const std::string& key) {
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
