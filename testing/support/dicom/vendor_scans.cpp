@@ -62,7 +62,7 @@ void QlabScan::write(const std::filesystem::path& path) const {
         for (int i = 0; i < columns; ++i) bytes += static_cast<char>(value(i, j, k, t));
   if (cut) bytes.resize(bytes.size() - static_cast<std::size_t>(columns * rows));
   file.raw_pixels(bytes);
-  file.save(path);
+  file.save(path, implicit);
 }
 
 void write_affinity(const std::filesystem::path& path, std::uint8_t block, const std::string& spacing,

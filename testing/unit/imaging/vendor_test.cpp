@@ -1,8 +1,5 @@
 // Volumes in vendors' own tags, written here by DCMTK or byte by byte.
-#include "palpate/core/error.hpp"
-#include "palpate/imaging/reader.hpp"
-#include "palpate/testing/dicom_scans.hpp"
-#include "palpate/testing/support.hpp"
+#include "dicom_checks.hpp"
 
 #include <gdcmReader.h>
 #include <gtest/gtest.h>
@@ -21,25 +18,9 @@ using palpate::imaging::read;
 using palpate::imaging::ReadOptions;
 using namespace palpate::testing;
 
-using Dims = std::array<int, 3>;
-
-bool warned(const VolumeInfo& info, const std::string& code) {
-  return std::any_of(info.warnings.begin(), info.warnings.end(),
-                     [&](const auto& warning) { return warning.code == code; });
-}
-
 class VendorVolume : public ::testing::Test {
  protected:
-  std::string refusal(const ReadOptions& options = {}) {
-    try {
-      read(path_, options);
-    } catch (const palpate::core::Error& error) {
-      EXPECT_NE(std::string(error.what()).find(path_.filename().string()), std::string::npos) << error.what();
-      details_ = error.details();
-      return error.code() + ": " + error.what();
-    }
-    return "none";
-  }
+  std::string refusal() { return refusal_of(path_, {}, &details_); }
   TemporaryFolder folder_;
   std::filesystem::path path_ = folder_ / "scan.dcm";
   std::string details_;
@@ -74,6 +55,16 @@ TEST_F(VendorVolume, QlabCartesianIsReadByItsCreator) {
   ASSERT_EQ(value->GetLength(), sizeof(z_cm));
   std::memcpy(&z_cm, value->GetPointer(), sizeof(z_cm));
   EXPECT_EQ(z_cm, 0.07);
+}
+
+TEST_F(VendorVolume, QlabWithoutTypesIsReadByItsBytes) {
+  QlabScan scan;
+  scan.implicit = true;
+  scan.slices = 0x34;  // the byte of the digit 4
+  scan.write(path_);
+  const VolumeInfo info = read(path_).info;
+  EXPECT_EQ(info.geometry.dims(), (Dims{4, 3, 0x34}));
+  EXPECT_TRUE(info.geometry.spacing_mm().isApprox(Eigen::Vector3d(0.5, 0.6, 0.7), 1e-12));
 }
 
 TEST_F(VendorVolume, TheUserChoosesAmongOrientations) {

@@ -13,8 +13,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
 #include <memory>
 #include <sstream>
+#include <string_view>
 #include <tuple>
 
 namespace palpate::imaging::reading {
@@ -143,16 +146,34 @@ class Decoder {
   std::size_t open_ = 0;
 };
 
-SamePixels pixel_comparison(const Scan& scan, const Context& context) {
-  return [&scan, &context](const FrameRecord& a, const FrameRecord& b) {
-    const auto count = static_cast<std::size_t>(a.rows) * static_cast<std::size_t>(a.columns);
-    std::vector<float> first(count);
-    std::vector<float> second(count);
-    Decoder(scan, context).decode(a, first.data());
-    Decoder(scan, context).decode(b, second.data());
-    return first == second;
-  };
-}
+/// Compares frames by a number made of their pixels, each decoded once, and
+/// pixel by pixel only where those agree.
+class PixelComparison {
+ public:
+  PixelComparison(const Scan& scan, const Context& context) : scan_(scan), context_(context) {}
+  bool same(const FrameRecord& a, const FrameRecord& b) {
+    return digest_of(a) == digest_of(b) && decoded(a) == decoded(b);
+  }
+
+ private:
+  std::vector<float> decoded(const FrameRecord& record) const {
+    std::vector<float> grey(static_cast<std::size_t>(record.rows) * static_cast<std::size_t>(record.columns));
+    Decoder(scan_, context_).decode(record, grey.data());
+    return grey;
+  }
+  std::size_t digest_of(const FrameRecord& record) {
+    const auto [known, added] = digests_.try_emplace({record.file, record.file_frame}, 0);
+    if (added) {
+      const std::vector<float> grey = decoded(record);
+      const std::string_view bytes(reinterpret_cast<const char*>(grey.data()), grey.size() * sizeof(float));
+      known->second = std::hash<std::string_view>{}(bytes);
+    }
+    return known->second;
+  }
+  const Scan& scan_;
+  const Context& context_;
+  std::map<std::pair<std::size_t, int>, std::size_t> digests_;
+};
 
 void say_repairs(const Scan& scan, core::VolumeInfo& info) {
   double worst = 0.0;
@@ -190,7 +211,9 @@ void assemble(Scan& scan, const Context& context, core::VolumeInfo& info) {
   if (series || first.frames.role == FrameRole::placed) {
     if (first.frames.between_mm) info.spacing_provenance[2] = Provenance::stated;
     keep_one_data_type(scan.records, info);
-    const SamePixels same = series ? pixel_comparison(scan, context) : SamePixels{};
+    PixelComparison comparison(scan, context);
+    const auto compare = [&](const FrameRecord& a, const FrameRecord& b) { return comparison.same(a, b); };
+    const SamePixels same = series ? SamePixels(compare) : SamePixels{};
     scan.assembly = assemble_placed(scan.records, scan.shown, !series, same, info);
     if (scan.assembly.dims[2] == 1 && first.frames.between_mm)
       scan.assembly.spacing_mm[2] = *first.frames.between_mm;

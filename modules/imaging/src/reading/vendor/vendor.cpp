@@ -62,24 +62,43 @@ void set_axis(VendorGrid& grid, int axis, double mm, Provenance provenance) {
   grid.spacing_provenance[static_cast<std::size_t>(axis)] = provenance;
 }
 
+/// The number of slices. Where the file does not say its type the bytes may
+/// read as several numbers; the one that the voxels' length bears out is it.
+int qlab_slices(const DicomFile& file, double voxels_a_slice, const std::vector<double>& said,
+                const std::vector<std::uint8_t>& bytes) {
+  std::vector<double> possible = said;
+  if (bytes.size() == 4)
+    possible.push_back(bytes[0] + 256.0 * (bytes[1] + 256.0 * (bytes[2] + 256.0 * bytes[3])));
+  if (bytes.size() >= 2) possible.push_back(bytes[0] + 256.0 * bytes[1]);
+  possible.erase(std::remove_if(possible.begin(), possible.end(),
+                                [](double count) { return !(count >= 1.0) || count > 1e5; }),
+                 possible.end());
+  const auto length = static_cast<double>(file.pixels().value.length);
+  for (const double count : possible)
+    if (length - voxels_a_slice * count <= 1.0 && length >= voxels_a_slice * count)
+      return static_cast<int>(count);
+  return possible.empty() ? 0 : static_cast<int>(possible.front());
+}
+
 std::optional<VendorGrid> qlab_grid(const DicomFile& file) {
   const DicomItem dataset = file.dataset();
   if (sop_class_of(dataset) != "1.2.840.113543.6.6.1.3.10002") return std::nullopt;
   const std::string creator = "Philips3D";
   const std::string kind = "a Philips QLAB Cartesian volume";
   constexpr std::uint16_t group = 0x3001;
-  const auto slices = private_numbers(dataset, group, creator, 0x01);
-  if (slices.empty() || slices[0] < 1.0 || slices[0] > 1e5)
-    lacks(file, kind, "its number of slices (creator Philips3D)");
   if (dataset.number({0x0028, 0x0100}).value_or(0.0) != 8.0 || file.pixels().encapsulated)
     lacks(file, kind, "plain voxels of 8 bits");
   VendorGrid grid;
   grid.kind = "Philips QLAB Cartesian";
   grid.raw_slices = true;
-  grid.dims = {count_in(dataset, {0x0028, 0x0011}, 0), count_in(dataset, {0x0028, 0x0010}, 0),
-               static_cast<int>(slices[0])};
+  grid.dims = {count_in(dataset, {0x0028, 0x0011}, 0), count_in(dataset, {0x0028, 0x0010}, 0), 1};
   if (grid.dims[0] < 1 || grid.dims[1] < 1) lacks(file, kind, "its rows and columns");
   grid.frames = count_in(dataset, {0x0028, 0x0008}, 1);
+  const auto tag = dataset.private_tag(group, creator, 0x01);
+  grid.dims[2] = qlab_slices(file, 1.0 * grid.dims[0] * grid.dims[1] * grid.frames,
+                             private_numbers(dataset, group, creator, 0x01),
+                             tag ? dataset.bytes(*tag) : std::vector<std::uint8_t>{});
+  if (grid.dims[2] < 1) lacks(file, kind, "its number of slices (creator Philips3D)");
   // The size of a pixel stands beside the regions, or in the first of them.
   std::vector<DicomItem> places{dataset};
   for (const auto& region : dataset.items({0x0018, 0x6011})) places.push_back(region);

@@ -66,7 +66,8 @@ struct QlabScan {
   int columns = 4, rows = 3, slices = 2, volumes = 1;
   double x_cm = 0.05, y_cm = 0.06, z_cm = 0.07;
   std::uint8_t block = 0x10;
-  bool cut = false;  ///< the last slice is missing
+  bool cut = false;       ///< the last slice is missing
+  bool implicit = false;  ///< no types are written
   std::function<int(int i, int j, int k, int t)> value = [](int i, int j, int k, int t) {
     return i + 4 * j + 16 * k + 64 * t;
   };
