@@ -9,6 +9,9 @@
 namespace palpate::imaging::reading {
 namespace {
 
+/// A number of a palette or table; of nonsense the end of the range.
+int word_of(double value) { return static_cast<int>(std::clamp(value, -65536.0, 65536.0)); }
+
 /// Follows the segments of a segmented palette (PS3.3, C.7.9.2).
 class Segments {
  public:
@@ -205,9 +208,9 @@ Palette read_palette(const DicomFile& file, const DicomPixelForm& form) {
   for (std::uint16_t channel = 0; channel < 3; ++channel) {
     const auto says = data.numbers({0x0028, static_cast<std::uint16_t>(0x1101 + channel)});
     if (says.size() != 3) refuse();
-    const auto count = says[0] > 0.0 ? static_cast<std::size_t>(says[0]) : std::size_t{65536};
+    const auto count = says[0] > 0.0 ? static_cast<std::size_t>(word_of(says[0])) : std::size_t{65536};
     // Read as unsigned or signed by the file's form; the bits are what counts.
-    const auto first = static_cast<int>(says[1]);
+    const auto first = word_of(says[1]);
     palette.first = form.is_signed ? static_cast<std::int16_t>(first) : static_cast<std::uint16_t>(first);
     raw[channel] = channel_of(data, channel, count, says[2] > 8.0);
     if (raw[channel].empty()) refuse();
@@ -271,9 +274,9 @@ ModalityRescale read_rescale(const DicomFile& file, const DicomPixelForm& form,
   const auto says = tables.front().numbers({0x0028, 0x3002});
   auto table = tables.front().numbers({0x0028, 0x3006});
   if (says.size() != 3 || table.empty()) return rescale;
-  const auto first = static_cast<int>(says[1]);
+  const auto first = word_of(says[1]);
   rescale.table_first = form.is_signed ? static_cast<std::int16_t>(first) : static_cast<std::uint16_t>(first);
-  const auto count = says[0] > 0.0 ? static_cast<std::size_t>(says[0]) : std::size_t{65536};
+  const auto count = says[0] > 0.0 ? static_cast<std::size_t>(word_of(says[0])) : std::size_t{65536};
   table.resize(std::min(table.size(), count));
   rescale.table = std::move(table);
   return rescale;

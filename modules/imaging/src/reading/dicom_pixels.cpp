@@ -152,7 +152,7 @@ void DicomPixels::State::settle_colour() {
     const auto limit = file.dataset().number({0x0028, 0x0121});
     if (padding) {
       const auto sign = [&](double value) {
-        const auto whole = static_cast<std::int64_t>(value);
+        const auto whole = static_cast<std::int64_t>(std::clamp(value, -4e9, 4e9));
         return form.is_signed ? std::int64_t{static_cast<std::int16_t>(whole)}
                               : std::int64_t{static_cast<std::uint16_t>(whole)};
       };
