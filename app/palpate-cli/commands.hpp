@@ -34,5 +34,6 @@ int run_phantom(const Call& call);
 int run_model(const Call& call);
 int run_simulate(const Call& call);
 int run_render(const Call& call);
+int run_bench(const Call& call);
 
 }  // namespace palpate::cli
