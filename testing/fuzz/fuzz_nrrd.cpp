@@ -1,0 +1,5 @@
+#include "scan_file.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  return palpate::fuzzing::parse(data, size, "scan.nrrd", palpate::imaging::reading::parse_nrrd);
+}
