@@ -278,6 +278,24 @@ TEST_F(DicomGeometry, TissueIsTakenWhereAVolumeHoldsFlowAsWell) {
   EXPECT_NE(warning_text(sequence.info, "data-types").find("FLOW_VELOCITY"), std::string::npos);
 }
 
+TEST_F(DicomGeometry, TimesAreNotMergedIntoSlicesWherePositionsLack) {
+  EnhancedScan scan = volume();
+  scan.volume_planes = false;
+  scan.times_s = {0.0, 0.05};
+  scan.order = {5, 1, 0, 4, 2, 3};
+  const auto path = folder_ / "unplaced.dcm";
+  scan.write(path);
+  const VolumeSequence sequence = read(path);
+  EXPECT_EQ(sequence.info.geometry.dims(), (Dims{4, 3, 3}));
+  EXPECT_EQ(sequence.info.frames, 2);
+  EXPECT_EQ(sequence.info.frame_times_s, scan.times_s);
+  EXPECT_TRUE(sequence.info.spacing_is_assumed());
+  EXPECT_EQ(sequence.info.direction_provenance, Provenance::absent);
+  EXPECT_TRUE(warned(sequence.info, "assumed-slices"));
+  for (int k = 0; k < 3; ++k)
+    EXPECT_EQ(sequence.frames.at(1).at(0, 0, k), 64.0F + 16.0F * static_cast<float>(k));
+}
+
 TEST_F(DicomGeometry, SeveralStacksAreNeverMerged) {
   EnhancedScan scan = volume();
   scan.sop_class = mr_enhanced_class;

@@ -108,7 +108,9 @@ std::vector<Dimension> dimensions_of(const DicomItem& dataset) {
   return all;
 }
 
-void take_dimensions(const std::vector<Dimension>& dimensions, const DicomItem& content, FrameClock& clock) {
+void take_dimensions(const std::vector<Dimension>& dimensions, const DicomItem& content,
+                     FrameRecord& record) {
+  FrameClock& clock = record.clock;
   const auto values = content.numbers({0x0020, 0x9157});
   if (values.size() != dimensions.size()) return;
   for (std::size_t n = 0; n < values.size(); ++n) {
@@ -118,6 +120,7 @@ void take_dimensions(const std::vector<Dimension>& dimensions, const DicomItem& 
                        is(tag, {0x0018, 0x9808}) || is(tag, {0x0062, 0x000B});
     const bool time = is(tag, {0x0020, 0x9128}) || is(tag, {0x0020, 0x930D}) || is(tag, {0x0020, 0x9153}) ||
                       is(tag, {0x0020, 0x9241}) || is(tag, {0x0018, 0x9074}) || is(tag, {0x0018, 0x9151});
+    if (is(tag, {0x0020, 0x9057}) && !record.in_stack) record.in_stack = values[n];
     if (place || is(tag, {0, 0})) continue;
     if (time) {
       if (!clock.temporal_index) clock.temporal_index = values[n];
@@ -139,7 +142,8 @@ void take_group_clock(const Groups& groups, const std::vector<Dimension>& dimens
       if (const auto time = clock_of(*content, tag, {0, 0}, {0, 0})) clock.acquired_s = time;
     if (const std::string stack = content->text({0x0020, 0x9056}); !stack.empty())
       record.part += " stack " + stack;
-    take_dimensions(dimensions, *content, clock);
+    take(*content, {0x0020, 0x9057}, 1.0, record.in_stack);
+    take_dimensions(dimensions, *content, record);
   }
   if (const auto item = groups.find({0x0020, 0x9310})) take(*item, {0x0020, 0x930D}, 1.0, clock.offset_s);
   if (const auto item = groups.find({0x0018, 0x9118})) take(*item, {0x0020, 0x9153}, ms, clock.trigger_s);

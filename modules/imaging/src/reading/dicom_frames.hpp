@@ -44,8 +44,9 @@ struct FrameRecord {
   int columns = 0, rows = 0;
   std::optional<std::array<double, 2>> pixel_mm;  ///< along i and j
   std::optional<FramePlane> plane;
-  std::string part;       ///< "stack 2", "segment 1": never of one volume with another
-  std::string data_type;  ///< "TISSUE_INTENSITY", ... of ultrasound volumes
+  std::optional<double> in_stack;  ///< its number among the slices of one time
+  std::string part;                ///< "stack 2", "segment 1": never of one volume with another
+  std::string data_type;           ///< "TISSUE_INTENSITY", ... of ultrasound volumes
   FrameClock clock;
 };
 

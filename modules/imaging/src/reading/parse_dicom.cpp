@@ -80,6 +80,47 @@ Part read_part(const DicomFile& file, const Context& context, core::VolumeInfo& 
   return part;
 }
 
+/// Slices whose planes the file does not give: times by their index, where all
+/// hold equally many, and slices by their number in the stack or in the file's order.
+void lay_slices(const FileFrames& file, Assembly& assembly, core::VolumeInfo& info) {
+  const auto by_number = [&](std::size_t a, std::size_t b) {
+    const auto& first = file.records[a].in_stack;
+    const auto& second = file.records[b].in_stack;
+    return first && second && *first < *second;
+  };
+  std::map<double, std::vector<std::size_t>> times;
+  for (std::size_t n = 0; n < file.records.size(); ++n)
+    times[file.records[n].clock.temporal_index.value_or(0.0)].push_back(n);
+  const std::size_t slices = times.begin()->second.size();
+  const bool whole =
+      std::all_of(times.begin(), times.end(), [&](const auto& time) { return time.second.size() == slices; });
+  if (!whole) {
+    times.clear();
+    for (std::size_t n = 0; n < file.records.size(); ++n) times[0.0].push_back(n);
+  }
+  int frame = 0;
+  std::vector<double> offsets;
+  for (auto& [index, records] : times) {
+    std::stable_sort(records.begin(), records.end(), by_number);
+    for (std::size_t k = 0; k < records.size(); ++k)
+      assembly.placements.push_back({records[k], frame, static_cast<int>(k), 1.0F});
+    if (const auto offset = file.records[records.front()].clock.offset_s) offsets.push_back(*offset);
+    ++frame;
+  }
+  std::stable_sort(assembly.placements.begin(), assembly.placements.end(),
+                   [](const Placement& a, const Placement& b) { return a.record < b.record; });
+  assembly.frames = frame;
+  assembly.dims[2] = static_cast<int>(times.begin()->second.size());
+  const bool rising =
+      std::adjacent_find(offsets.begin(), offsets.end(), std::greater_equal<>()) == offsets.end();
+  if (frame > 1 && offsets.size() == times.size() && rising) {
+    for (const double offset : offsets) info.frame_times_s.push_back(offset - offsets.front());
+    info.time_provenance = Provenance::stated;
+  }
+  warn(info, "assumed-slices",
+       "The file does not say how its frames lie to each other; they were taken for slices in their order.");
+}
+
 /// Frames of a file that says nothing of their places: times, or slices in their order.
 Assembly assemble_unplaced(const Part& part, core::VolumeInfo& info) {
   const FileFrames& file = part.frames;
@@ -95,14 +136,10 @@ Assembly assemble_unplaced(const Part& part, core::VolumeInfo& info) {
   }
   const auto count = static_cast<int>(file.records.size());
   const bool slices = file.role == FrameRole::unplaced_slices;
-  for (int n = 0; n < count; ++n)
-    assembly.placements.push_back({static_cast<std::size_t>(n), slices ? 0 : n, slices ? n : 0, 1.0F});
   if (slices) {
-    assembly.dims[2] = count;
-    warn(
-        info, "assumed-slices",
-        "The file does not say how its frames lie to each other; they were taken for slices in their order.");
+    lay_slices(file, assembly, info);
   } else {
+    for (int n = 0; n < count; ++n) assembly.placements.push_back({static_cast<std::size_t>(n), n, 0, 1.0F});
     assembly.frames = count;
     info.frame_times_s = part.times.frame_times_s;
     info.time_provenance = part.times.provenance;
