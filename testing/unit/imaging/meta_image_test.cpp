@@ -387,6 +387,8 @@ TEST_F(MetaImage, RefusesWhatDoesNotAddUp) {
   }
   write_mha(file_, "2147483647 2147483647 2147483647", "MET_UCHAR", "x");
   EXPECT_EQ(error_code(file_), "truncated");
+  // More than any integer holds, and still told right: (2^31 - 1)^3.
+  EXPECT_NE(error_text(file_).find("99035203004479"), std::string::npos) << error_text(file_);
   EXPECT_EQ(error_code(file_, options), "too-large");
   // No stream unpacks to a thousand times its size and more.
   write_mha(file_, "2000 2000 200", "MET_UCHAR", packed("x", false), "CompressedData = True\n");

@@ -121,7 +121,7 @@ std::vector<std::string> listed_files(const MetaHeader& header, const fs::path& 
   if (static_cast<double>(names.size()) != wanted)
     fail("truncated", path,
          "lists " + std::to_string(names.size()) + " data files where its size asks for " +
-             std::to_string(static_cast<long long>(wanted)) + ". Put the missing ones back.");
+             whole_text(wanted) + ". Put the missing ones back.");
   return names;
 }
 

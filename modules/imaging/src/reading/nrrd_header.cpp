@@ -153,7 +153,7 @@ std::vector<std::string> data_names(const NrrdHeader& header, const fs::path& pa
   if (static_cast<double>(names.size()) != wanted && !slabs)
     fail("truncated", path,
          "lists " + std::to_string(names.size()) + " data files where its sizes ask for " +
-             std::to_string(static_cast<long long>(wanted)) + ". Put the missing ones back.");
+             whole_text(wanted) + ". Put the missing ones back.");
   return names;
 }
 

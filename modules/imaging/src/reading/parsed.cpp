@@ -1,5 +1,6 @@
 #include "parsed.hpp"
 
+#include "text_header.hpp"
 #include "vendor/kretz.hpp"
 
 #include "palpate/core/error.hpp"
@@ -94,9 +95,7 @@ void check_memory(const std::filesystem::path& path, double raw_bytes, double vo
   constexpr double own_bytes = 64.0 * 1024 * 1024;
   const double needed = raw_bytes + voxels * sizeof(float) + own_bytes;
   if (needed <= static_cast<double>(context.memory_bytes)) return;
-  const auto mega = [](double bytes) {
-    return std::to_string(static_cast<long long>(bytes / (1024 * 1024))) + " MB";
-  };
+  const auto mega = [](double bytes) { return whole_text(bytes / (1024 * 1024)) + " MB"; };
   fail("too-large", path,
        "would take " + mega(needed) + " of memory to read, over the limit of " +
            mega(static_cast<double>(context.memory_bytes)) +

@@ -1,6 +1,7 @@
 #include "raw_image.hpp"
 
 #include "settle.hpp"
+#include "text_header.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -14,8 +15,6 @@ namespace fs = std::filesystem;
 constexpr std::size_t chunk_bytes = std::size_t{1} << 20;
 constexpr bool this_machine_is_big_endian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
-std::string whole(double value) { return std::to_string(static_cast<long long>(value)); }
-
 /// What the files hold, against what the header speaks of.
 struct Shortage {
   double there = 0.0, needed = 0.0;
@@ -26,14 +25,14 @@ struct Shortage {
   if (shortage.damaged && shortage.there >= shortage.needed)
     fail("truncated", path, "holds packed voxels that are damaged. Copy or export it again.");
   fail("truncated", path,
-       "holds " + whole(shortage.there) + " bytes of voxels where its header speaks of " +
-           whole(shortage.needed) + ". It was cut off or damaged: copy or export it again.");
+       "holds " + whole_text(shortage.there) + " bytes of voxels where its header speaks of " +
+           whole_text(shortage.needed) + ". It was cut off or damaged: copy or export it again.");
 }
 
 void warn_truncated(core::VolumeInfo& info, const Shortage& shortage) {
   warn(info, "truncated",
-       "The file was cut off or damaged: " + whole(std::max(0.0, shortage.needed - shortage.there)) + " of " +
-           whole(shortage.needed) + " bytes of voxels are missing and black.");
+       "The file was cut off or damaged: " + whole_text(std::max(0.0, shortage.needed - shortage.there)) +
+           " of " + whole_text(shortage.needed) + " bytes of voxels are missing and black.");
 }
 
 /// Sizes and strides by role, in numbers.
@@ -190,8 +189,8 @@ void check_sizes(const fs::path& path, const RawImage& image, double share, doub
     if (image.encoding == Encoding::raw) most_behind = std::max(most_behind, there - share);
     if (image.encoding == Encoding::raw && image.files_must_fit && there > share)
       fail("bad-header", path,
-           "speaks of " + whole(share) + " bytes of voxels in each of its files, but " +
-               file.path.filename().string() + " holds " + whole(there) +
+           "speaks of " + whole_text(share) + " bytes of voxels in each of its files, but " +
+               file.path.filename().string() + " holds " + whole_text(there) +
                ". One of them belongs to another scan or the sizes are wrong.");
   }
   if (shortage.there < shortage.needed) {
@@ -203,7 +202,7 @@ void check_sizes(const fs::path& path, const RawImage& image, double share, doub
   }
   if (most_behind >= surplus_of_note)
     warn(info, "extra-data",
-         whole(most_behind) + " bytes behind the voxels were not read; the header speaks of fewer.");
+         whole_text(most_behind) + " bytes behind the voxels were not read; the header speaks of fewer.");
 }
 
 class Reading {

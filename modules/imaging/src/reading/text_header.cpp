@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <sstream>
@@ -46,6 +47,13 @@ std::optional<long long> whole_number(const std::string& word) {
   const auto result = std::from_chars(begin, end, value);
   if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
   return value;
+}
+
+std::string whole_text(double value) {
+  std::ostringstream text;
+  text.precision(0);
+  text << std::fixed << std::trunc(value);
+  return text.str();
 }
 
 std::filesystem::path companion(const std::filesystem::path& header, const std::string& name) {

@@ -15,6 +15,8 @@ std::vector<std::string> words_of(const std::string& text);
 /// The whole word as a number, or none.
 std::optional<double> number(const std::string& word);
 std::optional<long long> whole_number(const std::string& word);
+/// A number of any size without its fraction.
+std::string whole_text(double value);
 
 /// A file that a header names, which must lie in the header's own folder (or
 /// below it) and be another file. Links are followed first: one that leads out
