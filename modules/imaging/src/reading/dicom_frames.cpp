@@ -152,8 +152,8 @@ void take_group_clock(const Groups& groups, const std::vector<Dimension>& dimens
   if (const auto item = groups.find({0x0018, 0x9117}))
     take_contrast(*item, {0x0018, 0x9087}, "b-value", clock);
   if (const auto item = groups.find({0x0062, 0x000A}))
-    if (const auto segment = item->number({0x0062, 0x000B}))
-      record.part += " segment " + std::to_string(static_cast<int>(*segment));
+    if (const std::string segment = item->text({0x0062, 0x000B}); !segment.empty())
+      record.part += " segment " + segment;
   auto type = groups.find({0x0018, 0x9807});
   if (const auto description = groups.find({0x0018, 0x9806}); !type && description) {
     const auto inside = description->items({0x0018, 0x9807});

@@ -444,7 +444,7 @@ DicomGlance glance(const std::filesystem::path& path) {
     const DicomFile file(path);
     const DicomItem dataset = file.dataset();
     const auto count = [&](DicomTag tag) {
-      return static_cast<long long>(dataset.number(tag).value_or(0.0));
+      return static_cast<long long>(std::clamp(dataset.number(tag).value_or(0.0), 0.0, 1e9));
     };
     const long long rows = count({0x0028, 0x0010});
     const long long columns = count({0x0028, 0x0011});
