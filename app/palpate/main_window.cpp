@@ -178,8 +178,14 @@ void MainWindow::wire_results() {
   connect(&workbench_, &Workbench::geometryStated, this, &MainWindow::show_data_result);
   connect(&workbench_, &Workbench::orientationRemembered, this, &MainWindow::tell_orientation);
   connect(&workbench_, &Workbench::volumeFiltered, this, [this] {
+    const bool any = workbench_.is_filtered();
+    side_->header(steps::filter).set_result(any ? filter_->result() : QString(), any);
+    refresh_actions();
+  });
+  connect(&workbench_, &Workbench::filtersApplied, this, [this] {
     side_->header(steps::filter).set_result(filter_->result(), true);
     side_->open_step(steps::tissue);
+    refresh_actions();
   });
   connect(&workbench_, &Workbench::tissueDropped, this, [this] {
     for (const int step : {steps::tissue, steps::simulate}) side_->header(step).set_result({}, false);

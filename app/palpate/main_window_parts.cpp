@@ -186,12 +186,16 @@ void MainWindow::refresh_recent() {
 void MainWindow::refresh_actions() {
   const bool volume = workbench_.has_volume();
   const bool ready = workbench_.simulation_ready();
-  const auto& frame = workbench_.last_frame();
   ui_->actionSavePicture->setEnabled(volume);
   ui_->actionBuild->setEnabled(volume);
   for (auto* action : {ui_->actionPlayPause, ui_->actionStep, ui_->actionReset}) action->setEnabled(ready);
-  ui_->actionUndo->setEnabled(ready && frame && frame->can_undo);
-  ui_->actionRedo->setEnabled(ready && frame && frame->can_redo);
+  ui_->actionUndo->setEnabled(workbench_.can_undo());
+  ui_->actionRedo->setEnabled(workbench_.can_redo());
+  ui_->actionUndo->setText(workbench_.undoes_filter() ? tr("&Undo filter") : tr("&Undo"));
+  ui_->actionRedo->setText(workbench_.redoes_filter() ? tr("&Redo filter") : tr("&Redo"));
+  ui_->actionUndo->setToolTip(workbench_.undoes_filter()
+                                  ? tr("Undo the last filter; tissue made from it is dropped (Ctrl+Z)")
+                                  : tr("Undo the last pull or reset (Ctrl+Z)"));
   ui_->actionPlayPause->setText(workbench_.playing() ? tr("&Pause") : tr("&Play"));
 }
 

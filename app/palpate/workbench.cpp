@@ -25,6 +25,12 @@ Workbench::Workbench(QObject* parent) : QObject(parent) {
   frame_delay_.setSingleShot(true);
   frame_delay_.setTimerType(Qt::PreciseTimer);
   connect(&frame_delay_, &QTimer::timeout, this, &Workbench::take_frame);
+  connect(this, &Workbench::volumeOpened, this, &Workbench::forget_filters);
+  connect(this, &Workbench::geometryStated, this, &Workbench::forget_filters);
+  connect(this, &Workbench::frameShown, this, [this] {
+    const auto chain = preview_.chain();
+    if (preview_.active()) preview_filters(chain);
+  });
 }
 
 Workbench::~Workbench() {
@@ -40,7 +46,7 @@ QString Workbench::input_name() const {
 
 visualization::SceneContent Workbench::content() const {
   visualization::SceneContent content;
-  content.volume = filtered_;
+  content.volume = comparing_ ? volume_ : filtered_;
   content.spacing_assumed = info_.spacing_is_assumed();
   content.spacing_badge = core::to_string(info_.spacing_provenance[0]);
   content.orientation_known = info_.patient_axes;
@@ -55,30 +61,6 @@ visualization::SceneContent Workbench::content() const {
     }
   }
   return content;
-}
-
-void Workbench::apply_filters(const std::vector<imaging::FilterStep>& chain) {
-  if (!has_volume()) return;
-  const auto take = [this, chain](const core::Volume& filtered) {
-    recipe_.filters = chain;
-    filtered_ = filtered;
-    drop_tissue();
-    emit volumeFiltered();
-    start_estimate();
-  };
-  if (chain.empty()) {
-    jobs_.cancel_lane(JobLane::filter);
-    take(volume_);
-    return;
-  }
-  const core::Volume source = volume_;
-  jobs_.start(
-      JobLane::filter, tr("Filtering"),
-      [source, chain, take](const core::Progress& progress) -> JobTracker::Delivery {
-        core::Volume filtered = session::filter_volume(source, chain, {}, progress).volume;
-        return [take, filtered] { take(filtered); };
-      },
-      [this](const core::Error& error) { fail(error); });
 }
 
 void Workbench::drop_tissue() {
@@ -133,12 +115,12 @@ void Workbench::build_tissue() {
   const bool filtered = frame_is_filtered();
   jobs_.start(
       JobLane::tissue, tr("Building tissue"),
-      [this, volume = filtered ? filtered_ : volume_, filtered,
+      [this, volume = filtered ? filtered_ : volume_, filtered, options = filter_options(),
        recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
         const double begin = filtered ? 0.0 : 0.5;
         const core::Volume source =
             filtered ? volume
-                     : session::filter_volume(volume, recipe.filters, {}, progress.part(0.0, begin)).volume;
+                     : session::filter_volume(volume, recipe.filters, options, progress.part(0.0, begin)).volume;
         const core::Progress rest = progress.part(begin, 1.0);
         auto built = std::make_shared<session::BuiltTissue>(
             session::build_tissue(source, recipe, rest.part(0.0, 0.6)));

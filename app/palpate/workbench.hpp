@@ -1,5 +1,7 @@
 #pragma once
 
+#include "filter_history.hpp"
+#include "filter_preview.hpp"
 #include "filtered_frames.hpp"
 #include "frame_source.hpp"
 #include "job_tracker.hpp"
@@ -104,6 +106,16 @@ class Workbench : public QObject {
   std::size_t frame_budget() const { return frame_budget_bytes_; }
   // Filter
   void apply_filters(const std::vector<imaging::FilterStep>& chain);
+  /// Filters only the slices that are seen; what was applied ends it, and none.
+  void preview_filters(const std::vector<imaging::FilterStep>& chain);
+  FilterPreview& preview() { return preview_; }
+  /// The views show the scan without filters for as long.
+  void set_comparing(bool comparing);
+  bool comparing() const { return comparing_; }
+  /// Of the chain that was applied last; nothing without one.
+  const std::optional<SpeckleChange>& speckle() const { return speckle_; }
+  /// Memory for undone and earlier filters, from now on.
+  void set_filter_history_budget(std::size_t bytes) { filter_history_.set_budget(bytes); }
   // Tissue
   void set_tissue_parameters(const model::TissueParameters& parameters);
   void set_face_budget(int faces);
@@ -118,8 +130,13 @@ class Workbench : public QObject {
   void pause();
   void step_once();
   void reset();
+  /// The simulation's steps first, then the filters', which drop the tissue.
   void undo();
   void redo();
+  bool can_undo() const;
+  bool can_redo() const;
+  bool undoes_filter() const { return !simulation_can_undo() && filter_history_.can_undo(); }
+  bool redoes_filter() const { return !simulation_can_redo() && can_redo(); }
   void set_grab(double radius_mm, interaction::SelectionKind kind);
   double grab_radius_mm() const { return grab_radius_mm_; }
   interaction::SelectionKind grab_kind() const { return grab_kind_; }
@@ -139,7 +156,9 @@ class Workbench : public QObject {
   void frameWanted();
   void frameShown();
   void seriesFound(const QString& path, const std::vector<palpate::imaging::SeriesSummary>& series);
-  void volumeFiltered();
+  void volumeFiltered();  ///< another chain's volume is there, by an undo too
+  void filtersApplied();  ///< and this step is done
+  void comparingChanged();
   void estimateStarted();
   void tissueEstimated();
   void estimateFailed(const QString& why);
@@ -167,6 +186,13 @@ class Workbench : public QObject {
   void take_scan_frame(int frame, const core::Volume& volume);
   void rest_at_frame();
   void filter_frame();
+  imaging::FilterOptions filter_options() const;
+  AppliedFilters applied_filters() const;
+  void take_filters(const AppliedFilters& applied, const std::vector<core::Warning>& warnings);
+  void show_filters(const AppliedFilters& applied);
+  void forget_filters();
+  bool simulation_can_undo() const;
+  bool simulation_can_redo() const;
   void drop_tissue();
   void start_estimate();
   void run_estimate();
@@ -199,6 +225,9 @@ class Workbench : public QObject {
   int tissue_frame_ = -1;
   bool scan_playing_ = false;
   FilteredFrames filtered_frames_;
+  FilterHistory filter_history_;
+  std::optional<SpeckleChange> speckle_;
+  bool comparing_ = false;
 
   QTimer rest_delay_;
   QTimer estimate_delay_;
@@ -211,6 +240,7 @@ class Workbench : public QObject {
   // their own, so that none waits behind a filter.
   JobTracker frame_jobs_;
   JobTracker jobs_;
+  FilterPreview preview_;
 };
 
 }  // namespace palpate::gui

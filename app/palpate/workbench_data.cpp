@@ -270,8 +270,9 @@ void Workbench::filter_frame() {
   jobs_.start(
       JobLane::frame, title,
       [this, source = volume_, chain = recipe_.filters,
+       options = filter_options(),
        frame = this->frame()](const core::Progress& progress) -> JobTracker::Delivery {
-        const core::Volume filtered = session::filter_volume(source, chain, {}, progress).volume;
+        const core::Volume filtered = session::filter_volume(source, chain, options, progress).volume;
         return [this, source, chain, frame, filtered] {
           if (source.data() != volume_.data() || !(chain == recipe_.filters)) return;
           filtered_ = filtered;

@@ -146,12 +146,6 @@ void Workbench::step_once() {
 void Workbench::reset() {
   if (driver_) driver_->reset();
 }
-void Workbench::undo() {
-  if (driver_) driver_->undo();
-}
-void Workbench::redo() {
-  if (driver_) driver_->redo();
-}
 
 void Workbench::set_grab(double radius_mm, interaction::SelectionKind kind) {
   grab_radius_mm_ = radius_mm;

@@ -90,7 +90,7 @@ TEST_F(TissueStep, AFilterChangesTheVolumeAndDropsTheTissue) {
   find<gui::StepHeader>("filterHeader").click();
   auto* note = find<QWidget>("FilterPanel").findChild<QLabel*>("noteLabel");
   EXPECT_TRUE(note->isVisible()) << "it says beforehand what it drops";
-  find<QComboBox>("filterCombo").setCurrentIndex(1);
+  trigger("add_median");
   click("applyFilterButton");
   ASSERT_TRUE(wait_for([this] { return !workbench().has_tissue(); }));
   EXPECT_EQ(workbench().recipe().filters.size(), 1U);

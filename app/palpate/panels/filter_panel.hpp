@@ -2,6 +2,7 @@
 
 #include "workbench.hpp"
 
+#include <QVector>
 #include <QWidget>
 
 #include <memory>
@@ -12,7 +13,10 @@ class FilterPanel;
 
 namespace palpate::gui {
 
-/// Step 2: smooths the speckle, or leaves it.
+class FilterCard;
+
+/// Step 2: a chain of filters that smooth the speckle, tried on the slices that
+/// are seen before they are applied; or none.
 class FilterPanel : public QWidget {
   Q_OBJECT
 
@@ -22,13 +26,32 @@ class FilterPanel : public QWidget {
   /// What was applied, in a line: "Median, 1 voxel" or "None".
   QString result() const;
 
+ protected:
+  void showEvent(QShowEvent* event) override;
+  void hideEvent(QHideEvent* event) override;
+
  private:
-  void choose(int index);
-  void apply();
+  struct Entry {
+    imaging::FilterStep step;
+    bool on = true;
+  };
+  void fill_menu();
+  void add(const std::string& name);
+  void move(int at, int by);
+  void remove(int at);
+  void take_cards();
+  void build_cards();
+  void follow_recipe();
+  void show_preview();
   void refresh();
+  void show_speckle();
+  std::vector<imaging::FilterStep> chain() const;
 
   Workbench& workbench_;
   std::unique_ptr<Ui::FilterPanel> ui_;
+  QVector<Entry> entries_;
+  QVector<FilterCard*> cards_;
+  QString preview_problem_;
 };
 
 }  // namespace palpate::gui

@@ -11,6 +11,8 @@ SliceWidget::SliceWidget(visualization::SlicePlane plane, Workbench& workbench, 
                          QWidget* parent)
     : GlView(workbench, state, parent), view_(plane) {
   renderWindow()->AddRenderer(view_.renderer());
+  connect(&workbench_.preview(), &FilterPreview::changed, this, &SliceWidget::show_preview);
+  connect(&workbench_, &Workbench::comparingChanged, this, &SliceWidget::update_content);
 }
 
 // The renderer frees what it holds on the card while the context still lives.
@@ -21,14 +23,40 @@ SliceWidget::~SliceWidget() {
 
 void SliceWidget::update_content() {
   view_.set_content(workbench_.content());
-  request_render();
+  show_preview();
 }
 
 void SliceWidget::update_settings() {
   const int before = view_.slice();
   view_.set_settings(state_.settings());
   if (view_.slice() != before) emit sliceChanged();
+  show_preview();
+}
+
+// Says which slice is seen, and shows it as the filters that are tried make it.
+void SliceWidget::show_preview() {
+  if (!workbench_.has_volume() || view_.slice_count() < 1) return;
+  FilterPreview& preview = workbench_.preview();
+  preview.want(view_.axis(), isVisible() ? std::optional<int>(view_.slice()) : std::nullopt);
+  visualization::SlicePreview shown;
+  if (workbench_.comparing()) {
+    shown.mark = tr("Unfiltered").toStdString();
+  } else if (preview.active()) {
+    if (auto slice = preview.slice(view_.axis(), view_.slice())) shown.slice = *std::move(slice);
+    shown.mark = (shown.slice.empty() ? tr("Preview …") : tr("Preview")).toStdString();
+  }
+  view_.set_preview(shown);
   request_render();
+}
+
+void SliceWidget::showEvent(QShowEvent* event) {
+  GlView::showEvent(event);
+  show_preview();
+}
+
+void SliceWidget::hideEvent(QHideEvent* event) {
+  GlView::hideEvent(event);
+  show_preview();
 }
 
 void SliceWidget::fit() {

@@ -29,6 +29,8 @@ class SliceWidget : public GlView {
   void sliceChanged();
 
  protected:
+  void showEvent(QShowEvent* event) override;
+  void hideEvent(QHideEvent* event) override;
   void set_text_scale(double scale) override { view_.set_text_scale(scale); }
   void wheel(int steps) override { step_slices(steps); }
   void zoom(double factor) override { view_.zoom(factor); }
@@ -39,6 +41,7 @@ class SliceWidget : public GlView {
   void point_at(const QPointF& place, bool crosshair) override;
 
  private:
+  void show_preview();
   std::optional<interaction::Ray> ray_through_slice(const QPointF& place) const;
 
   visualization::SliceView view_;

@@ -167,6 +167,10 @@ void SliceScene::draw_corner_text(const Tile& tile) {
   style.horizontal = Align::end;
   style.vertical = Align::end;
   overlay_.text(std::to_string(std::lround(zoom_percent())) + " %", {w - inset, h - inset}, style);
+  if (mark_.empty()) return;
+  style.bold = true;
+  style.color = accent_color;
+  overlay_.text(mark_, {w - inset, h - inset - line}, style);
 }
 
 void SliceScene::draw_side_letters(const Tile& tile) {

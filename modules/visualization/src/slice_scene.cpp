@@ -51,15 +51,42 @@ void SliceScene::set_content(const SceneContent& content) {
     mapper_->SetOrientation(frame_.axis);
     fit();
   }
-  mapper_->SetSliceNumber(slice());
+  show_voxels();
   if (moved || reshaped) outline_old_ = true;
+}
+
+void SliceScene::set_preview(const SlicePreview& preview) {
+  mark_ = preview.mark;
+  if (preview_.set_volume(preview.slice)) mapper_->Modified();
+  show_voxels();
+}
+
+bool SliceScene::preview_fits() const {
+  const core::Volume& preview = preview_.volume();
+  if (preview.empty() || content_.volume.empty()) return false;
+  const core::ImageGeometry& geometry = content_.volume.geometry();
+  auto dims = geometry.dims();
+  dims[static_cast<std::size_t>(frame_.axis)] = 1;
+  if (preview.dims() != dims) return false;
+  const double step_mm = geometry.spacing_mm()[frame_.axis];
+  const Eigen::Vector3d apart =
+      slice_center_mm(preview.geometry(), frame_.axis, 0) - slice_center_mm(geometry, frame_.axis, slice());
+  return apart.norm() < 1e-3 * step_mm;  // rounding of places, far below a slice
+}
+
+void SliceScene::show_voxels() {
+  const bool preview = preview_fits();
+  const VoxelImage& shown = preview ? preview_ : voxels_;
+  if (mapper_->GetInput() != shown.image()) mapper_->SetInputData(shown.image());
+  actor_->SetUserMatrix(shown.ijk_to_lps());
+  mapper_->SetSliceNumber(preview ? 0 : slice());
 }
 
 void SliceScene::set_settings(const ViewSettings& settings) {
   const int before = slice();
   settings_ = settings;
   if (slice() != before) outline_old_ = true;
-  mapper_->SetSliceNumber(slice());
+  show_voxels();
   actor_->GetProperty()->SetColorWindow(settings_.window);
   actor_->GetProperty()->SetColorLevel(settings_.level);
   renderer_->SetBackground(settings_.background[0], settings_.background[1], settings_.background[2]);

@@ -5,6 +5,7 @@
 #include "voxel_image.hpp"
 
 #include "palpate/visualization/scene.hpp"
+#include "palpate/visualization/slice_view.hpp"
 
 #include <vtkImageSlice.h>
 #include <vtkImageSliceMapper.h>
@@ -27,6 +28,7 @@ class SliceScene {
   SlicePlane plane() const noexcept { return plane_; }
   void set_content(const SceneContent& content);
   void set_settings(const ViewSettings& settings);
+  void set_preview(const SlicePreview& preview);
   void set_text_scale(double scale) { text_scale_ = scale; }
   /// Aims the camera and draws the overlay anew; happens before every rendering.
   void lay_out();
@@ -34,6 +36,7 @@ class SliceScene {
   void set_tile(const Tile& tile);
   const std::vector<std::string>& texts() const noexcept { return overlay_.texts(); }
 
+  int axis() const noexcept { return frame_.axis; }
   int slice() const noexcept;
   int slice_count() const noexcept;
   Eigen::Vector3d crosshair_at_slice(int index) const;
@@ -51,6 +54,9 @@ class SliceScene {
     double half_height_mm = 1.0;
     Eigen::Vector2d middle_px = Eigen::Vector2d::Zero();
   };
+  /// The preview lies where the slice that is shown lies.
+  bool preview_fits() const;
+  void show_voxels();
   Tile viewport_tile() const;
   Projection projection(const Tile& tile) const;
   Eigen::Vector2d on_screen(const Projection& projection, const Eigen::Vector3d& lps_mm) const;
@@ -82,6 +88,8 @@ class SliceScene {
   vtkNew<vtkRenderer> renderer_;
   Overlay overlay_;
   VoxelImage voxels_;
+  VoxelImage preview_;
+  std::string mark_;
   vtkNew<vtkImageSliceMapper> mapper_;
   vtkNew<vtkImageSlice> actor_;
 };

@@ -15,7 +15,9 @@ SlicePlane SliceView::plane() const noexcept { return impl_->scene.plane(); }
 vtkRenderer* SliceView::renderer() const noexcept { return impl_->scene.renderer(); }
 void SliceView::set_content(const SceneContent& content) { impl_->scene.set_content(content); }
 void SliceView::set_settings(const ViewSettings& settings) { impl_->scene.set_settings(settings); }
+void SliceView::set_preview(const SlicePreview& preview) { impl_->scene.set_preview(preview); }
 void SliceView::set_text_scale(double scale) { impl_->scene.set_text_scale(scale); }
+int SliceView::axis() const noexcept { return impl_->scene.axis(); }
 int SliceView::slice() const noexcept { return impl_->scene.slice(); }
 int SliceView::slice_count() const noexcept { return impl_->scene.slice_count(); }
 Eigen::Vector3d SliceView::crosshair_at_slice(int index) const {

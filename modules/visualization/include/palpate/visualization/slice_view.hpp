@@ -3,10 +3,17 @@
 #include "palpate/visualization/scene.hpp"
 
 #include <memory>
+#include <string>
 
 class vtkRenderer;
 
 namespace palpate::visualization {
+
+/// Shown in the place of the content's voxels while its slice is the one shown.
+struct SlicePreview {
+  core::Volume slice;  ///< one voxel thick, at its place; empty: the content's voxels
+  std::string mark;    ///< in the view's corner, "Preview"; empty: none
+};
 
 /// One slice through the voxels: the image plane whose normal lies closest to
 /// the anatomical one, placed in LPS by the volume's IJK-to-LPS matrix
@@ -24,11 +31,13 @@ class SliceView {
 
   void set_content(const SceneContent& content);  ///< cheap for what did not change
   void set_settings(const ViewSettings& settings);
+  void set_preview(const SlicePreview& preview);
   /// Pixels per point of text, so that pictures of any size look alike: 1 for
   /// a view 500 pixels high.
   void set_text_scale(double scale);
 
-  int slice() const noexcept;  ///< index along the view's image axis
+  int axis() const noexcept;   ///< of the image, 0..2, that is stepped through
+  int slice() const noexcept;  ///< index along that axis
   int slice_count() const noexcept;
   /// The crosshair moved so that slice `index` is shown.
   Eigen::Vector3d crosshair_at_slice(int index) const;
