@@ -13,6 +13,7 @@
 #include "panels/tissue_panel.hpp"
 #include "picture_dialog.hpp"
 #include "series_dialog.hpp"
+#include "session_keeper.hpp"
 #include "status_strip.hpp"
 #include "text.hpp"
 #include "theme.hpp"
@@ -62,6 +63,7 @@ MainWindow::MainWindow(const WindowOptions& options, QWidget* parent)
   wire_views();
   wire_simulation();
   wire_results();
+  wire_session();
   keep_keys_for_views();
   refresh_recent();
   refresh_actions();
@@ -166,7 +168,7 @@ void MainWindow::wire_results() {
     messages_->hide();
     ui_->centre->setCurrentWidget(views_);
     transport_->show();
-    setWindowTitle(tr("%1 – Palpate").arg(workbench_.input_name()));
+    show_title();
     show_data_result();
     for (const int step : {steps::filter, steps::tissue, steps::simulate, steps::picture}) {
       side_->header(step).set_result({}, false);
@@ -216,7 +218,13 @@ void MainWindow::wire_results() {
   });
 }
 
-void MainWindow::open(const QString& path) { workbench_.open(path); }
+void MainWindow::open(const QString& path) {
+  if (SessionKeeper::is_session(path)) {
+    session_->open(path);
+  } else {
+    workbench_.open(path);
+  }
+}
 
 void MainWindow::open_sample() { workbench_.open_sample(options_.sample_file); }
 

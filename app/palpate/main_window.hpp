@@ -20,6 +20,9 @@ namespace palpate::gui {
 class EmptyState;
 class FilterPanel;
 class HelpOverlay;
+class LostSessionBar;
+class SessionKeeper;
+struct ScanQuestion;
 class JobBar;
 class MessageBar;
 class SidePanel;
@@ -46,6 +49,7 @@ class MainWindow : public QMainWindow {
   Workbench& workbench() { return workbench_; }
   ViewState& view_state() { return state_; }
   ViewGrid& views() { return *views_; }
+  SessionKeeper& session() { return *session_; }
   RecentFiles& recent_files() { return recent_; }
   void open(const QString& path);
   void open_sample();
@@ -68,6 +72,7 @@ class MainWindow : public QMainWindow {
   void wire_views();
   void wire_simulation();
   void wire_results();
+  void wire_session();
   void restore();
   void choose_file();
   void choose_folder();
@@ -75,6 +80,11 @@ class MainWindow : public QMainWindow {
   void show_data_result();
   void tell_orientation(const QString& orientation);
   void choose_picture();
+  void choose_session();
+  void save_session();
+  void choose_session_file();
+  void ask_for_scan(const ScanQuestion& question);
+  void show_title();
   void refresh_recent();
   void refresh_actions();
   void toggle_help();
@@ -97,6 +107,8 @@ class MainWindow : public QMainWindow {
   TransportBar* transport_ = nullptr;
   StatusStrip* status_ = nullptr;
   HelpOverlay* help_ = nullptr;
+  LostSessionBar* lost_ = nullptr;
+  std::unique_ptr<SessionKeeper> session_;
 };
 
 }  // namespace palpate::gui

@@ -3,6 +3,7 @@
 #include "help_overlay.hpp"
 #include "icons.hpp"
 #include "main_window.hpp"
+#include "session_keeper.hpp"
 #include "ui_main_window.h"
 #include "views/view_grid.hpp"
 
@@ -187,6 +188,8 @@ void MainWindow::refresh_actions() {
   const bool volume = workbench_.has_volume();
   const bool ready = workbench_.simulation_ready();
   ui_->actionSavePicture->setEnabled(volume);
+  for (auto* action : {ui_->actionSaveSession, ui_->actionSaveSessionAs})
+    action->setEnabled(session_->can_save());
   ui_->actionBuild->setEnabled(volume);
   for (auto* action : {ui_->actionPlayPause, ui_->actionStep, ui_->actionReset}) action->setEnabled(ready);
   ui_->actionUndo->setEnabled(workbench_.can_undo());
@@ -239,6 +242,7 @@ void MainWindow::closeEvent(QCloseEvent* event) {
   }
   settings_->sync();
   workbench_.jobs().cancel_all();
+  session_->end();
   event->accept();
 }
 

@@ -8,6 +8,7 @@
 
 #include "palpate/imaging/reader.hpp"
 #include "palpate/session/pipeline.hpp"
+#include "palpate/session/session_file.hpp"
 #include "palpate/session/simulation_driver.hpp"
 #include "palpate/visualization/picture.hpp"
 
@@ -17,6 +18,7 @@
 #include <QStringList>
 #include <QTimer>
 
+#include <functional>
 #include <future>
 #include <memory>
 #include <optional>
@@ -78,6 +80,9 @@ class Workbench : public QObject {
   void open(const QString& path, const std::string& series_uid = {});
   void open(const session::InputSettings& input);
   void open_sample(const QString& path);
+  /// Makes all of it anew and swaps it in at the end, so that what fails costs
+  /// nothing; `opened` is called when it stands. The scan is at its input's path.
+  void open_session(const session::Session& session, std::function<void()> opened);
   /// Lays the voxels out anew, without reading them again; the tissue is dropped.
   void state_spacing(const std::optional<std::array<double, 3>>& spacing_mm);
   /// Three letters, or "file": as the file says. Remembered for the scanner

@@ -1,4 +1,5 @@
 // The half of the workbench that opens scans and shows their frames.
+#include "opened_scan.hpp"
 #include "scanner_memory.hpp"
 #include "stated_geometry.hpp"
 #include "text.hpp"
@@ -17,15 +18,16 @@
 
 namespace palpate::gui {
 
-/// What a reading job hands over.
-struct Workbench::OpenedScan {
-  session::InputSettings input;
-  core::VolumeInfo info;  ///< as the file says
-  core::Volume volume;    ///< frame input.frame
-  FrameSource frames;
-};
-
 namespace {
+
+// A folder may still hold something to choose where it cannot be read as one scan.
+bool may_hold_series(const core::Error& error) {
+  for (const char* code : {"several-series", "no-image", "no-volume", "unsupported"})
+    if (error.code() == code) return true;
+  return false;
+}
+
+}  // namespace
 
 imaging::ReadOptions file_options(const session::InputSettings& input) {
   // Spacing and orientation of the user are laid over what the file says.
@@ -36,15 +38,6 @@ imaging::ReadOptions file_options(const session::InputSettings& input) {
   options.allow_truncated = input.allow_truncated;
   return options;
 }
-
-// A folder may still hold something to choose where it cannot be read as one scan.
-bool may_hold_series(const core::Error& error) {
-  for (const char* code : {"several-series", "no-image", "no-volume", "unsupported"})
-    if (error.code() == code) return true;
-  return false;
-}
-
-}  // namespace
 
 std::size_t standard_frame_budget() {
   constexpr std::size_t most = std::size_t{4} << 30;

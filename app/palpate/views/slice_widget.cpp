@@ -59,6 +59,25 @@ void SliceWidget::hideEvent(QHideEvent* event) {
   show_preview();
 }
 
+session::SliceFraming SliceWidget::framing() const {
+  const int* size = view_.renderer()->GetSize();
+  return {view_.zoom_percent(), view_.place_at(0.5 * size[0], 0.5 * size[1])};
+}
+
+void SliceWidget::set_framing(const session::SliceFraming& framing) {
+  view_.fit();
+  view_.zoom(framing.zoom_percent / 100.0);
+  const int* size = view_.renderer()->GetSize();
+  const Eigen::Vector2d middle(0.5 * size[0], 0.5 * size[1]);
+  const Eigen::Vector3d place = view_.place_at(middle.x(), middle.y());
+  const Eigen::Vector3d right = view_.place_at(middle.x() + 1.0, middle.y()) - place;
+  const Eigen::Vector3d up = view_.place_at(middle.x(), middle.y() + 1.0) - place;
+  const Eigen::Vector3d aside = framing.middle_mm - place;
+  if (right.squaredNorm() > 0.0 && up.squaredNorm() > 0.0)
+    view_.pan(-aside.dot(right) / right.squaredNorm(), -aside.dot(up) / up.squaredNorm());
+  request_render();
+}
+
 void SliceWidget::fit() {
   view_.fit();
   request_render();

@@ -2,6 +2,7 @@
 
 #include "views/gl_view.hpp"
 
+#include "palpate/session/session_file.hpp"
 #include "palpate/visualization/slice_view.hpp"
 
 #include <optional>
@@ -24,6 +25,9 @@ class SliceWidget : public GlView {
   int slice() const { return view_.slice(); }
   int slice_count() const { return view_.slice_count(); }
   const visualization::SliceView& view() const { return view_; }
+  /// Zoom and middle, whatever the size of the widget.
+  session::SliceFraming framing() const;
+  void set_framing(const session::SliceFraming& framing);
 
  signals:
   void sliceChanged();

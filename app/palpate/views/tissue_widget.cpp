@@ -40,6 +40,11 @@ void TissueWidget::fit() {
   request_render();
 }
 
+void TissueWidget::set_camera(const interaction::Camera& camera) {
+  view_.set_camera(camera);
+  request_render();
+}
+
 void TissueWidget::wheel(int steps) {
   view_.zoom(std::pow(zoom_per_notch, steps));
   request_render();

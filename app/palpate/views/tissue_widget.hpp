@@ -19,6 +19,7 @@ class TissueWidget : public GlView {
   void fit() override;
   void step_slices(int) override {}
   interaction::Camera camera() const { return view_.camera(); }
+  void set_camera(const interaction::Camera& camera);
 
  protected:
   void set_text_scale(double scale) override { view_.set_text_scale(scale); }

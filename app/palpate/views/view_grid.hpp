@@ -26,6 +26,9 @@ class ViewGrid : public QWidget {
   ViewGrid(Workbench& workbench, ViewState& state, QWidget* parent);
 
   ViewLayout view_layout() const { return layout_; }
+  /// The one that comes back when no view is maximised.
+  ViewLayout shared_layout() const { return maximised_ >= 0 ? before_ : layout_; }
+  int maximised() const { return maximised_; }  ///< its place, or -1
   void set_layout(ViewLayout layout);
   /// One view large and back.
   void toggle_maximised(int place);
