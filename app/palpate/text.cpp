@@ -54,13 +54,14 @@ QString describe_dims(const core::ImageGeometry& geometry) {
 QString describe_spacing(const core::VolumeInfo& info) {
   if (info.spacing_is_assumed()) return QObject::tr("not known");
   const auto& spacing = info.geometry.spacing_mm();
+  const auto plain = [](double mm) { return QString::number(mm, 'g', 3); };
   const int axes = info.geometry.dims()[2] > 1 ? 3 : 2;
   const auto used = spacing.head(axes);
   if (used.maxCoeff() - used.minCoeff() < 1e-6 * used.maxCoeff()) {
-    return QStringLiteral("%1 mm").arg(short_number(spacing[0]));
+    return QStringLiteral("%1 mm").arg(plain(spacing[0]));
   }
   QStringList numbers;
-  for (int axis = 0; axis < axes; ++axis) numbers << short_number(spacing[axis]);
+  for (int axis = 0; axis < axes; ++axis) numbers << plain(spacing[axis]);
   return numbers.join(QStringLiteral(" × ")) + QStringLiteral(" mm");
 }
 
@@ -94,6 +95,12 @@ QString describe_frame_time(const core::VolumeInfo& info, int frame) {
                             ? (times.back() - times.front()) / static_cast<double>(times.size() - 1)
                             : times.front();
   return QStringLiteral("%1 s").arg(times[static_cast<std::size_t>(frame)], 0, 'f', mean_s < 0.02 ? 3 : 2);
+}
+
+QString describe_frame(const core::VolumeInfo& info, int frame) {
+  const QString time = describe_frame_time(info, frame);
+  const QString number = QObject::tr("frame %1 of %2").arg(frame + 1).arg(info.frames);
+  return time.isEmpty() ? number : QStringLiteral("%1 · %2").arg(number, time);
 }
 
 QString describe_volume(const core::VolumeInfo& info) {

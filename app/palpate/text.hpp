@@ -26,6 +26,8 @@ double in_length_unit(double mm, const core::VolumeInfo& info);
 QString describe_length(double mm, const core::VolumeInfo& info, int decimals = 1);
 /// "1.26 s", with as many decimals as the frames need; empty where not known.
 QString describe_frame_time(const core::VolumeInfo& info, int frame);
+/// "frame 3 of 8 · 0.40 s".
+QString describe_frame(const core::VolumeInfo& info, int frame);
 /// "147 × 106 × 104 · 0.5 mm · 8 frames".
 QString describe_volume(const core::VolumeInfo& info);
 /// What the header says of kind and geometry, line by line, with the codes of

@@ -1,5 +1,6 @@
 #include "workbench.hpp"
 
+#include "provenance_badge.hpp"
 #include "text.hpp"
 
 #include <QFileInfo>
@@ -48,7 +49,8 @@ visualization::SceneContent Workbench::content() const {
   visualization::SceneContent content;
   content.volume = comparing_ ? volume_ : filtered_;
   content.spacing_assumed = info_.spacing_is_assumed();
-  content.spacing_badge = core::to_string(info_.spacing_provenance[0]);
+  content.spacing_badge = core::to_string(least_certain(spacing_provenances(info_)));
+  if (info_.frames > 1) content.frame_text = describe_frame(info_, frame()).toStdString();
   content.orientation_known = info_.patient_axes;
   content.mesh = surface_.mesh;
   if (built_) content.tissue = built_->tissue;

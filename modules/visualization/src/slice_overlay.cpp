@@ -117,6 +117,7 @@ void SliceScene::draw_frame(const Tile& tile) {
 
 std::string SliceScene::position_text() const {
   const core::ImageGeometry& geometry = content_.volume.geometry();
+  if (is_picture()) return {};
   const std::string count = "slice " + std::to_string(slice() + 1) + " of " + std::to_string(slice_count());
   if (content_.spacing_assumed) return count;
   const double place = slice_center_mm(geometry, frame_.axis, slice()).dot(frame_.toward);
@@ -130,10 +131,22 @@ std::string SliceScene::position_text() const {
   return side_letters(side) + " " + with_decimals(std::abs(place), 1) + " mm · " + count;
 }
 
+// A scan of one slice, seen from its front: a picture, not a plane of a body.
+bool SliceScene::is_picture() const {
+  return slice_count() == 1 && frame_.axis == 2 && content_.volume.dims()[0] > 1 &&
+         content_.volume.dims()[1] > 1;
+}
+
 std::string SliceScene::spacing_text() const {
   const std::string badge = content_.spacing_badge.empty() ? "" : " · " + content_.spacing_badge;
   if (content_.spacing_assumed) return "spacing unknown" + badge;
   const Eigen::Vector3d& spacing = content_.volume.geometry().spacing_mm();
+  if (is_picture()) {
+    const double across = spacing[frame_.horizontal_axis];
+    const double down = spacing[frame_.vertical_axis];
+    if (across == down) return short_number(across) + " mm pixels" + badge;
+    return short_number(across) + " × " + short_number(down) + " mm" + badge;
+  }
   if (spacing[0] == spacing[1] && spacing[1] == spacing[2])
     return short_number(spacing[0]) + " mm voxels" + badge;
   return short_number(spacing[0]) + " × " + short_number(spacing[1]) + " × " + short_number(spacing[2]) +
@@ -151,10 +164,16 @@ void SliceScene::draw_corner_text(const Tile& tile) {
   title.bold = true;
   title.color = plane_color(plane_);
   title.vertical = Align::end;
-  const Eigen::Vector2d size = overlay_.text(name_of(plane_), {inset, h - inset}, title);
+  const Eigen::Vector2d size =
+      overlay_.text(is_picture() ? "Image" : name_of(plane_), {inset, h - inset}, title);
   const double line = std::round(std::max(size.y(), 1.15 * style.size_px));
   style.vertical = Align::end;
-  overlay_.text(position_text(), {inset, h - inset - line}, style);
+  double top = h - inset - line;
+  for (const std::string& text : {position_text(), content_.frame_text}) {
+    if (text.empty()) continue;
+    overlay_.text(text, {inset, top}, style);
+    top -= line;
+  }
 
   style.vertical = Align::start;
   overlay_.text("W " + short_number(settings_.window) + "  L " + short_number(settings_.level),
@@ -198,11 +217,15 @@ void SliceScene::draw_scale_bar(const Tile& tile, const Projection& projection) 
   Overlay::TextStyle style;
   style.size_px = legible_px(13.0, text_scale_, tile);
   if (style.size_px == 0) return;
+  // In voxels where nobody said how large one is: those that lie across.
+  const double unit_mm =
+      content_.spacing_assumed ? content_.volume.geometry().spacing_mm()[frame_.horizontal_axis] : 1.0;
+  const double units_per_px = projection.mm_per_px / unit_mm;
   const double length =
-      nice_length(0.24 * std::min<double>(tile.view_width, 1.6 * tile.view_height) * projection.mm_per_px);
+      nice_length(0.24 * std::min<double>(tile.view_width, 1.6 * tile.view_height) * units_per_px);
   const double inset = std::round(13.0 * text_scale_);
   const double right = tile.view_width - inset;
-  const double left = right - length / projection.mm_per_px;
+  const double left = right - length / units_per_px;
   const double thick = px(2.0);
   const double tick = px(7.0);
   const Rgba halo{0, 0, 0, 120};

@@ -182,7 +182,8 @@ void SliceScene::lay_out() {
   if (!content_.volume.empty()) {
     draw_grab(now);
     draw_outline(now);
-    if (settings_.show_crosshair) draw_crosshair(tile, now);
+    // One slice has no other view that its crosshair would lead to.
+    if (settings_.show_crosshair && !is_picture()) draw_crosshair(tile, now);
   }
   draw_frame(tile);
   if (settings_.annotations && !content_.volume.empty()) {

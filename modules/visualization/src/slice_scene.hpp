@@ -70,6 +70,7 @@ class SliceScene {
   void draw_corner_text(const Tile& tile);
   void draw_side_letters(const Tile& tile);
   void draw_scale_bar(const Tile& tile, const Projection& projection);
+  bool is_picture() const;
   std::string position_text() const;
   std::string spacing_text() const;
 

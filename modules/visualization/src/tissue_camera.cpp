@@ -244,8 +244,9 @@ void TissueScene::draw_corner_text(const Tile& tile) {
   style.vertical = Align::start;
   style.color = quiet_text_color;
   const auto& dims = content_.volume.dims();
+  const Eigen::Vector3d voxels(dims[0], dims[1], dims[2]);
   const Eigen::Vector3d length =
-      content_.volume.geometry().spacing_mm().cwiseProduct(Eigen::Vector3d(dims[0], dims[1], dims[2]));
+      content_.spacing_assumed ? voxels : content_.volume.geometry().spacing_mm().cwiseProduct(voxels);
   std::string box = "scan ";
   for (int axis = 0; axis < 3; ++axis)
     box += (axis > 0 ? " × " : "") + (content_.spacing_assumed ? short_number(length[axis])

@@ -33,6 +33,7 @@ struct SceneContent {
   core::Volume volume;
   bool spacing_assumed = false;                              ///< lengths are then in voxels
   std::string spacing_badge;                                 ///< "stated", "assumed", ...
+  std::string frame_text;                                    ///< "frame 3 of 8 · 0.40 s"; empty for one frame
   bool orientation_known = false;                            ///< letters R L A P S I only then
   std::shared_ptr<const core::TriangleMesh> mesh;            ///< at rest, with topology
   std::shared_ptr<const surface::DeformedSurface> deformed;  ///< null: at rest
