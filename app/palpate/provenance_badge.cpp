@@ -88,7 +88,7 @@ std::vector<core::Provenance> spacing_provenances(const core::VolumeInfo& info) 
 }
 
 bool is_uncertain(core::Provenance provenance) {
-  return provenance == core::Provenance::assumed || provenance == core::Provenance::absent;
+  return provenance == core::Provenance::assumed;
 }
 
 ProvenanceBadge::ProvenanceBadge(QWidget* parent) : QWidget(parent) {

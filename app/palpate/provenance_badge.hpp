@@ -37,7 +37,8 @@ class ProvenanceBadge : public QWidget {
 core::Provenance least_certain(const std::vector<core::Provenance>& provenances);
 /// Of the axes along which there is more than one voxel.
 std::vector<core::Provenance> spacing_provenances(const core::VolumeInfo& info);
-/// It was not said by anybody: to be looked at twice.
+/// A value is shown that nobody said: to be looked at twice. What is absent is
+/// not shown at all.
 bool is_uncertain(core::Provenance provenance);
 
 }  // namespace palpate::gui

@@ -1,11 +1,10 @@
 #include "series_model.hpp"
 
-#include "icons.hpp"
 #include "text.hpp"
-#include "theme.hpp"
 
-#include <QCoreApplication>
 #include <QFont>
+#include <QImage>
+#include <QPainter>
 
 #include <algorithm>
 #include <map>
@@ -32,12 +31,22 @@ QString name_of(const imaging::SeriesSummary& series) {
   return QString::fromStdString(series.path.filename().string());
 }
 
-// On a ground of its own size, so that the rows are level.
-QImage thumbnail_of(const core::Picture& picture) {
+// On a ground of its own, so that the rows are level; a line that is chosen
+// does not tint it.
+QIcon thumbnail_of(const core::Picture& picture) {
   if (picture.width_px <= 0 || picture.height_px <= 0) return {};
   const QImage image(picture.rgba.data(), picture.width_px, picture.height_px, 4 * picture.width_px,
                      QImage::Format_RGBA8888);
-  return image.scaled(thumbnail_px, thumbnail_px, Qt::KeepAspectRatio, Qt::SmoothTransformation);
+  const QImage small =
+      image.scaled(thumbnail_px, thumbnail_px, Qt::KeepAspectRatio, Qt::SmoothTransformation);
+  QPixmap ground(thumbnail_px, thumbnail_px);
+  ground.fill(Qt::black);
+  QPainter painter(&ground);
+  painter.drawImage((thumbnail_px - small.width()) / 2, (thumbnail_px - small.height()) / 2, small);
+  painter.end();
+  QIcon icon(ground);
+  for (const auto mode : {QIcon::Selected, QIcon::Disabled}) icon.addPixmap(ground, mode);
+  return icon;
 }
 
 }  // namespace
@@ -147,9 +156,9 @@ QVariant SeriesModel::data(const QModelIndex& index, int role) const {
       return sort_key(*series, index.column());
     case Qt::DecorationRole:
       if (index.column() == name_column) {
-        const auto& image =
+        const auto& thumbnail =
             thumbnails_[groups_[index.internalId() - 1].series[static_cast<std::size_t>(index.row())]];
-        if (!image.isNull()) return image;
+        if (!thumbnail.isNull()) return thumbnail;
       }
       return {};
     case Qt::ToolTipRole:
@@ -161,7 +170,7 @@ QVariant SeriesModel::data(const QModelIndex& index, int role) const {
       return text_of(*series, index.column());
     case Qt::TextAlignmentRole:
       if (index.column() == frames_column || index.column() == files_column)
-        return static_cast<int>(Qt::AlignRight | Qt::AlignVCenter);
+        return static_cast<int>(Qt::AlignCenter);
       return {};
     default:
       return {};
@@ -172,7 +181,7 @@ QVariant SeriesModel::headerData(int section, Qt::Orientation orientation, int r
   if (orientation != Qt::Horizontal) return {};
   if (role == Qt::TextAlignmentRole)
     return static_cast<int>(
-        (section == frames_column || section == files_column ? Qt::AlignRight : Qt::AlignLeft) |
+        (section == frames_column || section == files_column ? Qt::AlignHCenter : Qt::AlignLeft) |
         Qt::AlignVCenter);
   if (role != Qt::DisplayRole) return {};
   const QString titles[] = {tr("Series"),  tr("Kind"), tr("Size"), tr("Frames"),

@@ -3,7 +3,7 @@
 #include "palpate/imaging/reader.hpp"
 
 #include <QAbstractItemModel>
-#include <QImage>
+#include <QIcon>
 
 #include <optional>
 #include <vector>
@@ -52,7 +52,7 @@ class SeriesModel : public QAbstractItemModel {
   QVariant sort_key(const imaging::SeriesSummary& series, int column) const;
 
   std::vector<imaging::SeriesSummary> series_;
-  std::vector<QImage> thumbnails_;
+  std::vector<QIcon> thumbnails_;
   std::vector<Group> groups_;
 };
 

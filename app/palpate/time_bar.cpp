@@ -104,7 +104,7 @@ void TimeBar::refresh() {
     ui_->frameSlider->setValue(workbench_.wanted_frame());
   }
   ui_->frameLabel->setText(tr("frame %1 of %2").arg(frame + 1).arg(info.frames));
-  const QString rate = tr("%1 frames/s").arg(short_number(clock_.frames_per_s()));
+  const QString rate = tr("%1 frames/s").arg(clock_.frames_per_s(), 0, 'g', 3);
   if (clock_.rate_is_known()) {
     const QString last = describe_frame_time(info, info.frames - 1);
     ui_->frameTimeLabel->setText(describe_frame_time(info, frame));

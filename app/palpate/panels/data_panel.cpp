@@ -161,7 +161,7 @@ void DataPanel::show_orientation() {
   QString note;
   if (workbench_.orientation_was_remembered()) {
     note = tr("As you chose last time for this scanner.");
-  } else if (open_question && !stated) {
+  } else if (open_question && !stated && file.geometry.dims()[2] > 1) {
     note = file.scanner.empty()
                ? tr("The file leaves open how the patient lay. Choose it if you know.")
                : tr("The file leaves open how the patient lay. Your choice is remembered for this scanner.");
