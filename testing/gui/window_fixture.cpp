@@ -23,11 +23,18 @@ bool wait_for(const std::function<bool()>& reached, int limit_ms) {
   return true;
 }
 
+imaging::WriteOptions as_bytes(bool compress) {
+  imaging::WriteOptions options;
+  options.pixel_type = "uint8";
+  options.compress = compress;
+  return options;
+}
+
 WindowTest::WindowTest() {
   imaging::PhantomParameters parameters;
   parameters.size = sample_size;
   const auto file = folder_ / "sample heart.mha";
-  imaging::write(file, imaging::make_phantom(parameters).frames, 0.0, {"uint8", true});
+  imaging::write(file, imaging::make_phantom(parameters).frames, 0.0, as_bytes());
   sample_path_ = QString::fromStdString(file.string());
 }
 
@@ -60,7 +67,7 @@ QString WindowTest::noise_volume(const char* name, int size) {
   std::vector<float> voxels(geometry.voxel_count());
   for (auto& voxel : voxels) voxel = std::floor(value(random));
   const auto file = folder_ / name;
-  imaging::write(file, {core::Volume(geometry, std::move(voxels))}, 0.0, {"uint8", false});
+  imaging::write(file, {core::Volume(geometry, std::move(voxels))}, 0.0, as_bytes(false));
   return QString::fromStdString(file.string());
 }
 

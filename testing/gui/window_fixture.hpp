@@ -3,6 +3,7 @@
 #include "main_window.hpp"
 #include "views/view_grid.hpp"
 
+#include "palpate/imaging/writer.hpp"
 #include "palpate/testing/support.hpp"
 
 #include <QAction>
@@ -17,6 +18,9 @@ namespace palpate::testing {
 
 /// Runs the event loop until `reached` holds; false after the time limit.
 bool wait_for(const std::function<bool()>& reached, int limit_ms = 30000);
+
+/// Voxels written as whole numbers of 8 bits.
+imaging::WriteOptions as_bytes(bool compress = true);
 
 /// A window of 1280 x 800 with its own settings and a small sample heart.
 class WindowTest : public ::testing::Test {
