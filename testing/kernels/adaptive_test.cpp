@@ -7,6 +7,7 @@
 #include "palpate/imaging/filters.hpp"
 #include "palpate/testing/support.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -103,6 +104,26 @@ TEST_F(AdaptiveKernels, SliceOfASlabIsTheSliceOfTheWhole) {
   const auto part = adaptive_filter(slab, parameters, volume.range());
   for (int j = 0; j < 20; ++j)
     for (int i = 0; i < 24; ++i) ASSERT_EQ(part.at(i, j, reach), whole.at(i, j, middle)) << i << " " << j;
+}
+
+TEST_F(AdaptiveKernels, ReportProgressThatOnlyGrowsAndStopWhenCancelled) {
+  const core::Volume volume = noise({61, 44, 38}, {1.0, 1.0, 1.2}, 5);
+  std::vector<double> fractions;
+  const core::CancelToken token;
+  const core::Progress progress(
+      [&](double fraction, const std::string&) {
+        fractions.push_back(fraction);
+        if (fraction > 0.6) token.cancel();
+      },
+      token);
+  try {
+    adaptive::run(volume, {}, volume.range(), {device(), 0, 9.0e4}, progress);
+    FAIL() << "ran to its end";
+  } catch (const core::Error& error) {
+    EXPECT_EQ(error.kind(), core::ErrorKind::cancelled);
+  }
+  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+  EXPECT_LT(fractions.back(), 0.7);  // the report that asked for it is the last
 }
 
 // The claim of the filter. A median's radius is a whole number of voxels, so

@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <random>
@@ -282,6 +283,17 @@ TEST(AdaptiveFilter, SmoothsAPictureAsAPicture) {
   double step = 0.0;
   for (int j = 0; j < 50; ++j) step += static_cast<double>(result.at(31, j, 0) - result.at(28, j, 0)) / 50.0;
   EXPECT_GT(step, 0.85 * 110.0);
+}
+
+TEST(AdaptiveFilter, ProgressOnlyGrowsToItsEnd) {
+  const core::Volume volume = noise({20, 20, 20}, 100.0, 25.0, 4);
+  std::vector<double> fractions;
+  const core::Progress progress([&](double fraction, const std::string&) { fractions.push_back(fraction); },
+                                {});
+  adaptive_filter(volume, {}, volume.range(), "reference", progress);
+  EXPECT_TRUE(std::is_sorted(fractions.begin(), fractions.end()));
+  EXPECT_GT(fractions.size(), 20U);
+  EXPECT_EQ(fractions.back(), 1.0);
 }
 
 TEST(AdaptiveFilter, CancelEndsItAtOnce) {

@@ -116,7 +116,7 @@ AdaptiveFit adaptive_fit(const core::ImageGeometry& geometry, const AdaptivePara
 }
 
 std::array<int, 3> adaptive_reach(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters) {
-  auto reach = adaptive::design(geometry, parameters).margin();
+  auto reach = adaptive::layout(geometry, parameters).margin();
   for (int& voxels : reach) voxels *= parameters.passes;
   return reach;
 }

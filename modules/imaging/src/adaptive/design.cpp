@@ -117,14 +117,20 @@ double spectral_weight(double relative_frequency, double exponent) {
   return relative_frequency > 0.0 ? std::pow(relative_frequency + 0.2, -exponent) : 50.0;
 }
 
+/// The blur and the places of the taps; fit_quadrature() weighs them.
+void place_quadrature(const Grid& grid, double scale_mm, Design& result) {
+  result.quadrature_blur = grid.blur(quadrature_blur_scales * scale_mm);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double steps = tap_distance_scales * scale_mm / grid.spacing_mm[static_cast<int>(axis)];
+    result.step[axis] = std::max(1, static_cast<int>(std::lround(steps)));
+  }
+  result.quadrature_taps = grid.half_taps(quadrature_radius);
+}
+
 void fit_quadrature(const Grid& grid, double scale_mm, Design& result) {
   const double rho0 = centre_frequency_scales / scale_mm;
   const double blur_mm = quadrature_blur_scales * scale_mm;
-  result.quadrature_blur = grid.blur(blur_mm);
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    result.step[axis] = std::max(1, static_cast<int>(std::lround(tap_distance_scales * scale_mm /
-                                                                 grid.spacing_mm[static_cast<int>(axis)])));
-  const auto& taps = result.quadrature_taps = grid.half_taps(quadrature_radius);
+  const auto& taps = result.quadrature_taps;
   // Beyond 3.5 standard deviations the blur lets 0.2 % through: nothing to fit.
   const Eigen::Vector3d limit = grid.nyquist().cwiseMin(3.5 / blur_mm);
   const auto frequencies = grid.frequencies(8, limit);
@@ -171,19 +177,24 @@ void fit_quadrature(const Grid& grid, double scale_mm, Design& result) {
   result.even_centre = -2.0 * result.even.colwise().sum();
 }
 
-/// u_i u_j (1 - exp(-rho^2 s^2 / 2)) out of second differences of blurred copies.
-void fit_highpass(const Grid& grid, double scale_mm, double finest_mm, Design& result) {
+/// Blurred copies of the volume, each twice as wide as the one before.
+void place_highpass(const Grid& grid, double scale_mm, double finest_mm, Design& result) {
   std::vector<double> sigmas_mm;
   for (double sigma = scale_mm; sigma > 0.4 * finest_mm; sigma /= 2.0) sigmas_mm.push_back(sigma);
   sigmas_mm.push_back(0.0);
   std::reverse(sigmas_mm.begin(), sigmas_mm.end());
-  const auto& taps = result.highpass_taps = grid.half_taps(1);
-  const auto count = static_cast<Eigen::Index>(taps.size());
+  result.highpass_taps = grid.half_taps(1);
   result.levels.resize(sigmas_mm.size());
   for (std::size_t n = 0; n < sigmas_mm.size(); ++n) {
     const double before = n == 0 ? 0.0 : sigmas_mm[n - 1];
     result.levels[n].blur = grid.blur(std::sqrt(sigmas_mm[n] * sigmas_mm[n] - before * before));
   }
+}
+
+/// u_i u_j (1 - exp(-rho^2 s^2 / 2)) out of second differences of the copies.
+void fit_highpass(const Grid& grid, double scale_mm, Design& result) {
+  const auto& taps = result.highpass_taps;
+  const auto count = static_cast<Eigen::Index>(taps.size());
   const auto frequencies = grid.frequencies(8, grid.nyquist());
   const auto rows = static_cast<Eigen::Index>(frequencies.size());
   const auto levels = static_cast<Eigen::Index>(result.levels.size());
@@ -273,7 +284,7 @@ std::array<int, 3> Design::margin() const {
   return margin;
 }
 
-Design design(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters) {
+Design layout(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters) {
   check(parameters.contrast_percent, adaptive_contrast_percent, "contrast_percent");
   check(parameters.scale_voxels, adaptive_scale_voxels, "scale_voxels");
   check(parameters.neighbourhood_scales, adaptive_neighbourhood_scales, "neighbourhood_scales");
@@ -286,11 +297,19 @@ Design design(const core::ImageGeometry& geometry, const AdaptiveParameters& par
     if (!result.flat[axis]) finest_mm = finest_mm == 0.0 ? spacing : std::min(finest_mm, spacing);
   }
   if (finest_mm == 0.0) finest_mm = geometry.spacing_mm().minCoeff();
-  const double scale_mm = parameters.scale_voxels * finest_mm;
+  result.scale_mm = parameters.scale_voxels * finest_mm;
   const Grid grid{geometry.spacing_mm(), result.flat};
-  fit_quadrature(grid, scale_mm, result);
-  result.tensor_blur = grid.blur(parameters.neighbourhood_scales * scale_mm);
-  fit_highpass(grid, scale_mm, finest_mm, result);
+  place_quadrature(grid, result.scale_mm, result);
+  result.tensor_blur = grid.blur(parameters.neighbourhood_scales * result.scale_mm);
+  place_highpass(grid, result.scale_mm, finest_mm, result);
+  return result;
+}
+
+Design design(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters) {
+  Design result = layout(geometry, parameters);
+  const Grid grid{geometry.spacing_mm(), result.flat};
+  fit_quadrature(grid, result.scale_mm, result);
+  fit_highpass(grid, result.scale_mm, result);
   // A step along n gives |q_k| = (n.n_k)^2 A and so T = A n nT with
   // A = 1/pi times the integral of the radial part over ln rho.
   result.step_response = bandwidth_octaves / 2.0 * std::sqrt(std::log(2.0) / pi);

@@ -36,6 +36,7 @@ struct Level {
 /// Every kernel of one pass.
 struct Design {
   std::array<bool, 3> flat{};  ///< axes of one voxel: no kernel extends there
+  double scale_mm = 0.0;       ///< s, the lowpass filter's standard deviation
   // Quadrature filters: a blur, then 7x7x7 taps `step` voxels apart.
   Blur quadrature_blur;
   std::array<int, 3> step{1, 1, 1};
@@ -59,6 +60,8 @@ struct Design {
   std::array<int, 3> level_margin(std::size_t level) const;
 };
 
+/// Everything but the weights, which take a tenth of a second to fit: enough for the margins.
+Design layout(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters);
 Design design(const core::ImageGeometry& geometry, const AdaptiveParameters& parameters);
 
 }  // namespace palpate::imaging::adaptive

@@ -34,8 +34,7 @@ class ReferenceEngine final : public Engine {
     progress.report(0.0, what_);
     std::vector<double> level(size);
     blur(input_, level, design_.quadrature_blur, design_.quadrature_margin());
-    estimate_tensor(level);
-    progress.report(0.6, what_);
+    estimate_tensor(level, progress.part(0.05, 0.6));
     for (auto& component : tensor_) blur(component, component, design_.tensor_blur, {0, 0, 0});
     progress.report(0.8, what_);
     level = input_;
@@ -72,20 +71,20 @@ class ReferenceEngine final : public Engine {
     return result;
   }
   template <typename Work>  // work(first voxel of the row, its length)
-  void for_rows(const Margin& margin, const Work& work) const {
+  void for_rows(const Margin& margin, const core::Progress& progress, const Work& work) const {
     const int rows = block_[1] + 2 * margin[1];
     const auto each = [&](int n) {
       const int j = n % rows;
       const int k = n / rows;
       work(row_begin(margin, j, k), static_cast<Eigen::Index>(block_[0] + 2 * margin[0]));
     };
-    for_each_part(rows * (block_[2] + 2 * margin[2]), stop_, what_, each);
+    for_each_part(rows * (block_[2] + 2 * margin[2]), progress, what_, each);
   }
 
   void blur_axis(const Field& from, Field& to, const BlurKernel& kernel, std::size_t axis,
                  const Margin& margin) const {
     const int radius = radius_of(kernel);
-    for_rows(margin, [&](std::size_t begin, Eigen::Index length) {
+    for_rows(margin, stop_, [&](std::size_t begin, Eigen::Index length) {
       Row sum(to.data() + begin, length);
       const double* const centre = from.data() + begin;
       sum = kernel[static_cast<std::size_t>(radius)] * ConstRow(centre, length);
@@ -102,10 +101,10 @@ class ReferenceEngine final : public Engine {
     blur_axis(scratch2_, to, kernels[2], 2, margin);
   }
 
-  void estimate_tensor(const Field& blurred) {
+  void estimate_tensor(const Field& blurred, const core::Progress& progress) {
     std::vector<std::ptrdiff_t> offsets;
     for (const Tap& tap : design_.quadrature_taps) offsets.push_back(offset(tap, design_.step));
-    for_rows(design_.tensor_margin(), [&](std::size_t begin, Eigen::Index length) {
+    for_rows(design_.tensor_margin(), progress, [&](std::size_t begin, Eigen::Index length) {
       using Block = Eigen::Array<double, Eigen::Dynamic, 6>;
       const double* const centre = blurred.data() + begin;
       Block even(length, 6);
@@ -138,7 +137,7 @@ class ReferenceEngine final : public Engine {
     const Six centre_weights = -2.0 * weights.weights.colwise().sum();
     std::vector<std::ptrdiff_t> offsets;
     for (const Tap& tap : design_.highpass_taps) offsets.push_back(offset(tap, {1, 1, 1}));
-    for_rows({0, 0, 0}, [&](std::size_t begin, Eigen::Index length) {
+    for_rows({0, 0, 0}, stop_, [&](std::size_t begin, Eigen::Index length) {
       const double* const centre = level.data() + begin;
       Eigen::ArrayXd sum(length);
       for (Eigen::Index c = 0; c < 6; ++c)
