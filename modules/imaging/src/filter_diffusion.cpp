@@ -243,8 +243,8 @@ FilterEntry conductance_entry(const std::string& name, const std::string& title,
       title,
       text,
       {iterations_parameter(),
-       {"conductance", "Edges that are smoothed too, in mean slopes", 1.0, 0.1, 10.0, false, ""},
-       {"time_step", "Length of a step (0: the largest stable one)", 0.0, 0.0, 10.0, false, ""}}};
+       {"conductance", "Edges to keep, in mean slopes", 1.0, 0.1, 10.0, false, ""},
+       {"time_step", "Step length (0: largest stable)", 0.0, 0.0, 10.0, false, ""}}};
   entry.apply = [=, filter = entry.description](const FilterCall& call) {
     const double conductance = call.parameter("conductance");
     const double edge = 2.0 * call.measured.front() * conductance * conductance;
@@ -281,7 +281,7 @@ FilterEntry curvature_flow_entry() {
       "Curvature flow",
       "Rounds off what is strongly curved: removes small bumps, contrast stays.",
       {iterations_parameter(),
-       {"time_step", "Length of a step (0: the largest stable one)", 0.0, 0.0, 10.0, false, "mm\u00b2"}}};
+       {"time_step", "Step length (0: largest stable)", 0.0, 0.0, 10.0, false, "mm\u00b2"}}};
   entry.apply = [filter = entry.description](const FilterCall& call) {
     const double spacing_mm = smallest_spacing_mm(call.volume.geometry());
     return diffuse(call, filter, {flow_rate, spacing_mm * spacing_mm / 16.0, 0.0, true});

@@ -27,12 +27,12 @@ Reach flat_aware(const core::ImageGeometry& geometry, double radius) {
 
 /// What is not explained by the mean of the six neighbours, scaled so that
 /// white noise keeps its standard deviation (pseudo-residuals, Gasser 1986).
-double residual(const core::Volume& volume, int i, int j, int k, bool& flat) {
+double residual(const core::Volume& volume, int i, int j, int k, bool& counts) {
   const auto& dims = volume.dims();
   const float centre = volume.at(i, j, k);
   double sum = 0.0;
   int count = 0;
-  flat = true;
+  bool flat = true;
   const std::array<int, 3> place{i, j, k};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (dims[axis] == 1) continue;
@@ -46,12 +46,14 @@ double residual(const core::Volume& volume, int i, int j, int k, bool& flat) {
       ++count;
     }
   }
-  if (count == 0) return 0.0;
+  counts = count > 0 && !flat && sum / count >= volume.range().mean;
+  if (!counts) return 0.0;
   return (centre - sum / count) / std::sqrt(1.0 + 1.0 / count);
 }
 
-/// Standard deviation of the noise, from the middle of all residuals, so that
-/// edges count little; black surroundings that nothing was written to, not at all.
+/// Standard deviation of the noise where the scan is brighter than on average,
+/// from the middle of all residuals, so that edges count little. Shadows and the
+/// black around a scan vary less than tissue does, and would outnumber it.
 std::vector<double> measure_noise(const core::Volume& volume, const FilterParameters&,
                                   const core::Progress& progress) {
   constexpr std::size_t enough_voxels = std::size_t{1} << 20;
@@ -62,9 +64,9 @@ std::vector<double> measure_noise(const core::Volume& volume, const FilterParame
   for (int row = 0; row < rows; row += stride) {
     if (row % 1024 < stride) progress.report(static_cast<double>(row) / rows, "Measuring noise");
     for (int i = 0; i < dims[0]; ++i) {
-      bool flat = false;
-      const double value = residual(volume, i, row % dims[1], row / dims[1], flat);
-      if (!flat) found.push_back(std::abs(value));
+      bool counts = false;
+      const double value = residual(volume, i, row % dims[1], row / dims[1], counts);
+      if (counts) found.push_back(std::abs(value));
     }
   }
   if (found.empty()) return {0.0};
@@ -250,7 +252,7 @@ FilterEntry patch_denoise_entry() {
            "Averages voxels whose surroundings look alike: removes noise, keeps structure; slow.",
            {{"radius_voxels", "How far to look for the like", 3.0, 1.0, 6.0, true, "voxels"},
             {"patch_voxels", "Radius of the surroundings", 1.0, 1.0, 3.0, true, "voxels"},
-            {"strength", "Strength (1: for the noise that is measured)", 1.0, 0.1, 10.0, false, ""}}},
+            {"strength", "Strength (1: for the noise found)", 1.0, 0.1, 10.0, false, ""}}},
           denoise,
           patch_reach,
           measure_noise,
