@@ -37,7 +37,8 @@ void describe(QCommandLineParser& parser) {
   parser.addOption({QStringLiteral("device"),
                     QStringLiteral("OpenCL device by number or name, or \"reference\"."),
                     QStringLiteral("DEVICE")});
-  parser.addPositionalArgument(QStringLiteral("scan"), QStringLiteral("A file, or a folder of one series."),
+  parser.addPositionalArgument(QStringLiteral("scan"),
+                               QStringLiteral("A file, a folder of one series, or a session."),
                                QStringLiteral("[scan]"));
 }
 

@@ -53,7 +53,7 @@ Recipe load_recipe(const std::filesystem::path& path);  ///< relative paths are 
 void save_recipe(const std::filesystem::path& path, const Recipe& recipe);
 /// SHA-256 of to_json() without the input's path, in hex.
 std::string recipe_sha256(const Recipe& recipe);
-/// SHA-256 of a file, or of a folder's sorted names and contents.
+/// SHA-256 of a file, or of a folder's sorted names and contents but its session files.
 std::string file_sha256(const std::filesystem::path& path, const core::Progress& progress = {});
 
 }  // namespace palpate::session
