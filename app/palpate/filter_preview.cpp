@@ -1,8 +1,6 @@
 #include "filter_preview.hpp"
 
 #include <cstddef>
-#include <memory>
-#include <utility>
 
 namespace palpate::gui {
 namespace {
@@ -75,23 +73,21 @@ void FilterPreview::wait() {
   delay_.start();
 }
 
+// One slice after the other, so that the first is seen while the rest is made.
 void FilterPreview::run() {
-  if (!active()) return;
-  std::vector<std::pair<int, int>> slices;
-  for (int axis = 0; axis < 3; ++axis)
-    if (missing(axis)) slices.emplace_back(axis, *wanted_[static_cast<std::size_t>(axis)]);
-  if (slices.empty()) return;
+  int axis = 0;
+  while (axis < 3 && !missing(axis)) ++axis;
+  if (!active() || axis == 3) return;
+  const int index = *wanted_[static_cast<std::size_t>(axis)];
   jobs_.start(
       JobLane::preview, QString(),
-      [this, slices, source = source_, chain = chain_,
+      [this, axis, index, source = source_, chain = chain_,
        options = options_](const core::Progress& progress) -> JobTracker::Delivery {
-        auto made = std::make_shared<std::vector<core::Volume>>();
-        for (const auto& [axis, index] : slices)
-          made->push_back(imaging::filter_slice(source, chain, axis, index, options, progress));
-        return [this, slices, made] {
-          for (std::size_t n = 0; n < slices.size(); ++n)
-            made_[static_cast<std::size_t>(slices[n].first)] = Slice{slices[n].second, (*made)[n], true};
+        const core::Volume made = imaging::filter_slice(source, chain, axis, index, options, progress);
+        return [this, axis, index, made] {
+          made_[static_cast<std::size_t>(axis)] = Slice{index, made, true};
           emit changed();
+          if (!delay_.isActive()) run();
         };
       },
       [this](const core::Error& error) {

@@ -120,10 +120,16 @@ void FilterCard::add_parameter(QGridLayout& grid, int number, const imaging::Fil
       parameter.whole_number ? 0 : std::clamp(1 - static_cast<int>(std::floor(std::log10(step))), 2, 5));
   box->setRange(parameter.min, parameter.max);
   box->setSingleStep(step);
-  if (!unit.isEmpty()) box->setSuffix(QStringLiteral(" ") + unit);
+  const auto show_unit = [box, unit](double now) {
+    if (!unit.isEmpty())
+      box->setSuffix(QStringLiteral(" ") +
+                     (unit == QStringLiteral("voxels") && now == 1.0 ? tr("voxel") : unit));
+  };
   // A step of no length is one that the program chooses.
   if (parameter.name == "time_step") box->setSpecialValueText(tr("automatic"));
   box->setValue(value);
+  show_unit(box->value());
+  connect(box, QOverload<double>::of(&QDoubleSpinBox::valueChanged), box, show_unit);
   box->setMinimumWidth(104);
   box->setToolTip(tr("%1, %2 to %3%4")
                       .arg(text, QLocale::c().toString(parameter.min, 'g', 6),
