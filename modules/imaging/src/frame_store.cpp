@@ -186,6 +186,7 @@ FrameStore::FrameStore(std::filesystem::path path, ReadOptions options, std::siz
   state.found = reading::find_scan(path, state.options, progress.part(0.0, 0.3), limits);
   const int first = state.options.frame.value_or(0);
   core::VolumeSequence sequence = state.read_frames(first, 1, progress.part(0.3, 1.0));
+  reading::name_part(state.found.entry.uid, sequence.info);
   reading::check_series(sequence.info, path, state.options);
   state.info = sequence.info;
   state.info.warnings.insert(state.info.warnings.end(), state.found.warnings.begin(),

@@ -221,6 +221,33 @@ TEST_F(ClassicSeries, WhatIsNoVolumeIsNamed) {
     EXPECT_NE(localizer.find(word), std::string::npos) << localizer;
 }
 
+/// One series may hold stacks in several directions, as plans of an examination do.
+TEST_F(ClassicSeries, StacksOfOneSeriesAreChosenByTheirNumber) {
+  for (int k = 0; k < 3; ++k) write(slice(4.0 * k, 10 * k, 1 + k));
+  for (int k = 0; k < 2; ++k) {
+    ClassicSlice sagittal = slice(0, 10 * k, 11 + k);
+    sagittal.position = std::to_string(5 * k) + "\\0\\0";
+    sagittal.orientation = "0\\1\\0\\0\\0\\-1";
+    write(sagittal);
+  }
+  const std::string several = refusal_of(folder_.path());
+  EXPECT_EQ(several.substr(0, 14), "several-series") << several;
+  EXPECT_NE(several.find("#1 (MR, 3 files"), std::string::npos) << several;
+  EXPECT_NE(several.find("#2 (MR, 2 files"), std::string::npos) << several;
+
+  const auto listed = palpate::imaging::list_series(folder_.path());
+  ASSERT_EQ(listed.size(), 2U);
+  for (const auto& summary : listed) {
+    palpate::imaging::ReadOptions options;
+    options.series_uid = summary.info.series_uid;
+    const VolumeInfo info = read(folder_.path(), options).info;
+    EXPECT_EQ(info.series_uid, options.series_uid);
+    const bool axial = info.geometry.dims()[2] == 3;
+    EXPECT_EQ(info.geometry.dims()[2], axial ? 3 : 2);
+    EXPECT_DOUBLE_EQ(info.geometry.spacing_mm()[2], axial ? 4.0 : 5.0);
+  }
+}
+
 TEST_F(ClassicSeries, SizesAndPixelsMustAgree) {
   write(slice(0, 1, 1));
   ClassicSlice other = slice(1, 2, 2);

@@ -79,7 +79,12 @@ TEST_F(ReaderFormats, ASeriesIsSortedByPlaceAndOtherSeriesAreChosenFrom) {
   image.orientation = "0\\1\\0\\0\\0\\1";
   image.write(folder_ / "c");
   options.series_uid = "1.2.3";
-  EXPECT_EQ(error_code(folder_.path(), options), "no-volume");
+  // Now the series holds two stacks: neither is taken unasked.
+  EXPECT_EQ(error_code(folder_.path(), options), "several-series");
+  options.series_uid = "1.2.3#1";
+  EXPECT_EQ(read(folder_.path(), options).info.geometry.dims()[2], 3);
+  options.series_uid = "1.2.3#2";
+  EXPECT_EQ(read(folder_.path(), options).info.geometry.dims()[2], 1);
 }
 
 TEST_F(ReaderFormats, NamesWhatIsNoScan) {

@@ -147,7 +147,10 @@ std::vector<Description> describe(const std::vector<Entry>& entries, const ReadO
   request.options = options;
   request.thumbnails = thumbnails;
   while (told.done() < entries.size()) describe_some(entries, told, request, progress, limits);
-  return std::move(told).all();
+  std::vector<Description> all = std::move(told).all();
+  for (std::size_t n = 0; n < all.size(); ++n)
+    if (all[n].info) name_part(entries[n].uid, *all[n].info);
+  return all;
 }
 
 }  // namespace palpate::imaging::reading

@@ -453,10 +453,15 @@ DicomGlance glance(const std::filesystem::path& path) {
     result.dicom = true;
     result.image = rows > 0 && columns > 0;
     std::optional<double> repaired_by;
-    result.slice = result.image && frames == 1 &&
-                   plane_of(path, dataset.numbers({0x0020, 0x0032}), dataset.numbers({0x0020, 0x0037}), true,
-                            repaired_by)
-                       .has_value();
+    const auto plane = plane_of(path, dataset.numbers({0x0020, 0x0032}), dataset.numbers({0x0020, 0x0037}),
+                                true, repaired_by);
+    result.slice = result.image && frames == 1 && plane.has_value();
+    if (plane)
+      for (std::size_t n = 0; n < 3; ++n) {
+        result.axes[n] = plane->row[static_cast<Eigen::Index>(n)];
+        result.axes[n + 3] = plane->column[static_cast<Eigen::Index>(n)];
+      }
+    result.localizer = dataset.text({0x0008, 0x0008}).find("LOCALIZER") != std::string::npos;
     result.series_uid = dataset.text({0x0020, 0x000E});
     result.instance_uid = dataset.text({0x0008, 0x0018});
     result.modality = dataset.text({0x0008, 0x0060});

@@ -4,6 +4,7 @@
 #include "palpate/core/volume.hpp"
 #include "palpate/imaging/reader.hpp"
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -62,6 +63,8 @@ struct DicomGlance {
   bool image = false;  ///< has rows and columns
   bool slice = false;  ///< one frame with a place and an orientation: may be part of a volume
   std::string series_uid, instance_uid, modality, size;
+  bool localizer = false;        ///< by its image type
+  std::array<double, 6> axes{};  ///< unit vectors of rising column and row number, of a slice
 };
 DicomGlance glance(const std::filesystem::path& path);
 

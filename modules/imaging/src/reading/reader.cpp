@@ -258,7 +258,7 @@ FoundScan find_scan(const std::filesystem::path& path, const ReadOptions& option
 
 void check_series(const core::VolumeInfo& info, const std::filesystem::path& path,
                   const ReadOptions& options) {
-  if (options.series_uid.empty() || info.series_uid == options.series_uid) return;
+  if (names_series(options.series_uid, info.series_uid)) return;
   fail("not-found", path,
        (info.series_uid.empty() ? std::string("belongs to no series, so not to ")
                                 : "belongs to series " + info.series_uid + ", not ") +
@@ -274,6 +274,7 @@ core::VolumeSequence read(const std::filesystem::path& path, const ReadOptions& 
   const FoundScan found = find_scan(path, options, progress.part(0.0, folder ? 0.3 : 0.0), limits);
   core::VolumeSequence sequence = read_paths(found.entry.files, found.entry.shown, options,
                                              progress.part(folder ? 0.3 : 0.0, 1.0), limits);
+  name_part(found.entry.uid, sequence.info);
   check_series(sequence.info, path, options);
   sequence.info.warnings.insert(sequence.info.warnings.end(), found.warnings.begin(), found.warnings.end());
   return sequence;
@@ -320,7 +321,9 @@ std::vector<InputReport> inspect(const std::vector<std::filesystem::path>& paths
     progress.report(0.3 + 0.7 * done, "Reading " + entry.shown.filename().string());
     try {
       const core::Progress silent({}, progress.cancel());
-      reports.push_back(report_of(entry.shown, inspect_whole(entry, options, silent, limits)));
+      core::VolumeInfo info = inspect_whole(entry, options, silent, limits);
+      name_part(entry.uid, info);
+      reports.push_back(report_of(entry.shown, std::move(info)));
     } catch (const core::Error& error) {
       if (error.kind() == core::ErrorKind::cancelled || error.code() == "reader-missing") throw;
       reports.push_back(report_of(entry.shown, error));

@@ -216,7 +216,9 @@ void do_scan(const ReaderRequest& request) {
                      {"series_uid", seen.series_uid},
                      {"instance_uid", seen.instance_uid},
                      {"modality", seen.modality},
-                     {"size", seen.size}});
+                     {"size", seen.size},
+                     {"localizer", seen.localizer},
+                     {"axes", seen.axes}});
   }
   send({{"result", {{"files", files}}}});
 }

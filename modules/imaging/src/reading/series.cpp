@@ -4,6 +4,7 @@
 #include "process.hpp"
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -35,6 +36,9 @@ void walk(const fs::path& folder, std::vector<fs::path>& files, const core::Prog
 
 using Files = std::vector<fs::path>;
 
+/// Between the UID of a series and the number of its part; no UID holds it.
+constexpr char part_mark = '#';
+
 /// Looks at files [from, to) in one child; where that dies, at each half in its own.
 void scan(const Files& files, std::size_t from, std::size_t to, std::vector<DicomGlance>& seen,
           Survey& survey, const core::Progress& progress, const ReaderLimits& limits) {
@@ -58,6 +62,8 @@ void scan(const Files& files, std::size_t from, std::size_t to, std::vector<Dico
       glance.instance_uid = list[n].at("instance_uid").get<std::string>().substr(0, 100);
       glance.modality = list[n].at("modality").get<std::string>().substr(0, 20);
       glance.size = list[n].at("size").get<std::string>().substr(0, 100);
+      glance.localizer = list[n].at("localizer").get<bool>();
+      glance.axes = list[n].at("axes").get<std::array<double, 6>>();
     }
   } catch (const core::Error& error) {
     if (error.kind() == core::ErrorKind::cancelled || error.code() == "reader-missing") throw;
@@ -81,6 +87,49 @@ bool same_bytes(const fs::path& a, const fs::path& b) {
   return first && second &&
          std::equal(std::istreambuf_iterator<char>(first), std::istreambuf_iterator<char>(),
                     std::istreambuf_iterator<char>(second));
+}
+
+bool in_one_stack(const DicomGlance& a, const DicomGlance& b) {
+  constexpr double same_direction = 0.9998;  // a cosine: within about one degree
+  for (std::size_t from : {0U, 3U})
+    if (a.axes[from] * b.axes[from] + a.axes[from + 1] * b.axes[from + 1] +
+            a.axes[from + 2] * b.axes[from + 2] <
+        same_direction)
+      return false;
+  return a.size == b.size;
+}
+
+/// Parts the series whose slices lie in several directions, or are of several
+/// sizes, into one for each: "UID#1", "UID#2". Localizers and pictures that
+/// lie singly stay together, to be refused as what they are.
+void part_stacks(const std::map<fs::path, const DicomGlance*>& seen, Survey& survey) {
+  std::vector<Series> parted;
+  for (auto& series : survey.series) {
+    std::vector<Series> stacks;
+    bool localizer = false;
+    for (const auto& file : series.files) {
+      const DicomGlance& glance = *seen.at(file);
+      localizer = localizer || glance.localizer;
+      const auto stack = std::find_if(stacks.begin(), stacks.end(), [&](const Series& s) {
+        return in_one_stack(*seen.at(s.files.front()), glance);
+      });
+      if (stack != stacks.end())
+        stack->files.push_back(file);
+      else
+        stacks.push_back({series.uid, glance.modality, glance.size, glance.image, {file}});
+    }
+    const bool any_volume =
+        std::any_of(stacks.begin(), stacks.end(), [](const Series& s) { return s.files.size() > 1; });
+    if (stacks.size() < 2 || localizer || !any_volume) {
+      parted.push_back(std::move(series));
+      continue;
+    }
+    for (std::size_t n = 0; n < stacks.size(); ++n) {
+      stacks[n].uid += part_mark + std::to_string(n + 1);
+      parted.push_back(std::move(stacks[n]));
+    }
+  }
+  survey.series = std::move(parted);
 }
 
 void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& survey) {
@@ -110,6 +159,9 @@ void group(const Files& files, const std::vector<DicomGlance>& seen, Survey& sur
     }
     survey.series.push_back({glance.series_uid, glance.modality, glance.size, glance.image, {files[n]}});
   }
+  std::map<fs::path, const DicomGlance*> seen_by_path;
+  for (std::size_t n = 0; n < files.size(); ++n) seen_by_path[files[n]] = &seen[n];
+  part_stacks(seen_by_path, survey);
 }
 
 }  // namespace
@@ -141,10 +193,18 @@ Survey look_through(const std::vector<fs::path>& paths, const core::Progress& pr
   return survey;
 }
 
+bool names_series(const std::string& wanted, const std::string& uid) {
+  return wanted.empty() || uid == wanted || uid.compare(0, wanted.size() + 1, wanted + part_mark) == 0;
+}
+
+void name_part(const std::string& uid, core::VolumeInfo& info) {
+  if (uid.find(part_mark) != std::string::npos) info.series_uid = uid;
+}
+
 std::vector<Entry> entries_of(const Survey& survey, const std::string& series_uid) {
   std::vector<Entry> entries;
   for (const auto& series : survey.series)
-    if (series_uid.empty() || series.uid == series_uid)
+    if (names_series(series_uid, series.uid))
       entries.push_back({series.files,
                          series.files.size() == 1 ? series.files.front() : series.files.front().parent_path(),
                          true, series.image, series.uid, series.modality, series.size});

@@ -14,7 +14,8 @@
 namespace palpate::imaging::reading {
 
 /// The DICOM files that are read together: the slices of one series in one
-/// folder, or a single file that stands for itself.
+/// folder that lie in one direction, or a single file that stands for itself.
+/// Where a series holds several such stacks, `uid` ends in "#1", "#2", ...
 struct Series {
   std::string uid, modality, size;
   bool image = false;
@@ -43,6 +44,11 @@ struct Entry {
 };
 /// The series (only those of this name, where there is one), then the other files.
 std::vector<Entry> entries_of(const Survey& survey, const std::string& series_uid);
+
+/// Whether `wanted` means this series: none is named, it is the one, or a part of it.
+bool names_series(const std::string& wanted, const std::string& uid);
+/// The name by which the part of a series is found again, in place of its series' UID.
+void name_part(const std::string& uid, core::VolumeInfo& info);
 
 /// What an entry would open as.
 struct Description {
