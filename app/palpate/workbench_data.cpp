@@ -262,8 +262,7 @@ void Workbench::filter_frame() {
   const QString title = info_.frames > 1 ? tr("Filtering frame %1").arg(frame() + 1) : tr("Filtering");
   jobs_.start(
       JobLane::frame, title,
-      [this, source = volume_, chain = recipe_.filters,
-       options = filter_options(),
+      [this, source = volume_, chain = recipe_.filters, options = filter_options(),
        frame = this->frame()](const core::Progress& progress) -> JobTracker::Delivery {
         const core::Volume filtered = session::filter_volume(source, chain, options, progress).volume;
         return [this, source, chain, frame, filtered] {

@@ -23,9 +23,10 @@ void Workbench::apply_filters(const std::vector<imaging::FilterStep>& chain) {
         const SpeckleChange speckle{
             imaging::measure_speckle(source, progress.part(0.95, 0.975)),
             imaging::measure_speckle(filtered.volume, source, progress.part(0.975, 1.0))};
-        return [this, source, warnings = filtered.warnings,
+        // Another scan or geometry has cancelled this job; another frame is filtered in its turn.
+        return [this, warnings = filtered.warnings,
                 applied = AppliedFilters{chain, frame, filtered.volume, speckle}] {
-          if (source.data() == volume_.data()) take_filters(applied, warnings);
+          take_filters(applied, warnings);
         };
       },
       [this](const core::Error& error) { fail(error); });

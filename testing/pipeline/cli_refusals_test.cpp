@@ -107,7 +107,6 @@ TEST(CliRefuses, WhatALaterVersionBrings) {
       {{"model", s, "--mask", "m.mha"}, "--mask"},
       {{"model", s, "--links", "lattice18"}, "lattice18"},
       {{"model", s, "--links", "lattice26"}, "lattice26"},
-      {{"filter", s, "-o", "x.dcm"}, ".dcm"},
       {{"simulate", s, "--anchor", "border"}, "--anchor"},
       {{"simulate", s, "--beat", "0.8:5"}, "--beat"},
       {{"simulate", s, "--scale-by-intensity", "mass"}, "--scale-by-intensity"},
