@@ -166,6 +166,9 @@ TEST_F(Series, AFolderOfSeveralSeriesAsksWhich) {
   for (int row = 0; row < 2; ++row) {
     if (model->index(row, SeriesModel::size_column, group).data().toString() == "6 × 6 × 5")
       wanted = model->index(row, 0, group);
+    // The picture is there and has its room.
+    EXPECT_FALSE(model->index(row, 0, group).data(Qt::DecorationRole).value<QIcon>().isNull());
+    EXPECT_GE(tree.visualRect(model->index(row, 0, group)).height(), 64);
     // What is shown of a series holds nothing of whom it is of.
     for (int column = 0; column < SeriesModel::column_count; ++column)
       EXPECT_FALSE(model->index(row, column, group).data().toString().contains("PHANTOM^"));

@@ -307,6 +307,10 @@ Parsed finish(const Scan& scan, const Context& context, core::VolumeInfo info) {
   const DicomPixelForm& form = scan.parts.front().form;
   info.components = form.components;
   info.pixel_type = form.pixel_type;
+  if (form.components > 1) warn_of_colour(info);
+  if (form.photometric == "MONOCHROME1")
+    warn(info, "inverted-display",
+         "The file asks to be shown with low values bright (MONOCHROME1); the values are kept as stored.");
   Parsed parsed;
   std::tie(parsed.first_frame, parsed.kept_frames) = frames_to_keep(context.options, info.frames);
   if (!context.headers_only) {

@@ -332,8 +332,7 @@ Parsed read_raw(const fs::path& path, const RawImage& image, core::VolumeInfo in
   }
   const auto [first, kept] = frames_to_keep(context.options, frames_of(path, image));
   info.pixel_type = name_of(image.type);
-  if (image.rule == GreyRule::luma)
-    warn(info, "colour-to-grey", "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
+  if (image.rule == GreyRule::luma) warn_of_colour(info);
   Parsed parsed;
   parsed.first_frame = first;
   parsed.kept_frames = kept;

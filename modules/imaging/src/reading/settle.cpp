@@ -170,4 +170,8 @@ void set_even_times(double step_s, core::VolumeInfo& info) {
   }
 }
 
+void warn_of_colour(core::VolumeInfo& info) {
+  warn(info, "colour-to-grey", "Colour was turned to grey by Rec. 601 luma: 0.299 R + 0.587 G + 0.114 B.");
+}
+
 }  // namespace palpate::imaging::reading

@@ -35,4 +35,7 @@ void set_even_times(double step_s, core::VolumeInfo& info);
 /// Whether the user says where the axes point, so that the file need not.
 bool orientation_given(const ReadOptions& options);
 
+/// That colour became grey, and how.
+void warn_of_colour(core::VolumeInfo& info);
+
 }  // namespace palpate::imaging::reading
