@@ -1,6 +1,7 @@
 // The pictures of README.md and docs/user-guide.md, made by using the window
 // as the guide tells it. PALPATE_PICTURES names the folder that keeps them;
 // without it they go with the test.
+#include "panels/side_panel.hpp"
 #include "window_fixture.hpp"
 
 #include <QCheckBox>
@@ -48,10 +49,24 @@ class GuidePictures : public WindowTest {
   std::filesystem::path target_;
 };
 
+TEST_F(GuidePictures, ABeatingHeartAndWhatIsKnownOfIt) {
+  window().open(QStringLiteral(PALPATE_SOURCE_DATA "/sample-heart-beat.mha"));
+  ASSERT_TRUE(wait_for([this] { return workbench().has_volume() && idle(); }));
+  auto& header = find<gui::StepHeader>("dataHeader");
+  if (!header.isChecked()) header.click();
+  workbench().show_frame(3);
+  ASSERT_TRUE(wait_for([this] { return workbench().frame() == 3 && idle(); }));
+  take("time");
+}
+
 TEST_F(GuidePictures, FromTheFileToThePulledHeart) {
   take("empty");
   open_shipped_sample();
   take("opened");
+  trigger("add_adaptive");
+  ASSERT_TRUE(wait_for([this] { return workbench().preview().settled(); }, 60000));
+  take("filter");
+  click("filterRemove1");
   click("applyFilterButton");
   ASSERT_TRUE(wait_for([this] { return workbench().estimate().has_value() && idle(); }));
   take("estimate");

@@ -136,7 +136,9 @@ void FilterCard::add_parameter(QGridLayout& grid, int number, const imaging::Fil
                            QLocale::c().toString(parameter.max, 'g', 6),
                            unit.isEmpty() ? QString() : QStringLiteral(" ") + unit));
   box->setAccessibleName(text);
-  auto* label = new QLabel(text, grid.parentWidget());
+  // What stands in brackets is for the tooltip and for screen readers.
+  auto* label = new QLabel(text.section(QStringLiteral(" ("), 0, 0), grid.parentWidget());
+  label->setToolTip(text);
   label->setWordWrap(true);
   label->setProperty("role", QStringLiteral("quiet"));
   label->setBuddy(box);

@@ -31,14 +31,14 @@ FilterEntry adaptive_entry() {
       {
           parameter(
               "contrast_percent",
-              "Edges that are kept: their step, in % of the brightness around; weaker ones are smoothed",
+              "Edges that are kept (their step, in % of the brightness around; weaker ones are smoothed)",
               standard.contrast_percent, adaptive_contrast_percent, false, "%"),
-          parameter("scale_voxels", "Size of the speckle that is smoothed, in the finest voxel spacing",
+          parameter("scale_voxels", "Size of the speckle (in the finest voxel spacing)",
                     standard.scale_voxels, adaptive_scale_voxels, false, "voxels"),
           parameter("neighbourhood_scales",
-                    "How far around a voxel its structure is judged, in sizes of the speckle",
+                    "Neighbourhood (how far around a voxel its structure is judged, in sizes of the speckle)",
                     standard.neighbourhood_scales, adaptive_neighbourhood_scales, false, ""),
-          parameter("passes", "How often the filter runs over its own result", standard.passes,
+          parameter("passes", "Passes (how often the filter runs over its own result)", standard.passes,
                     adaptive_passes, true, ""),
       }};
   entry.apply = [](const FilterCall& call) {
