@@ -157,6 +157,19 @@ void add_speckle(Table& table, const Speckle& speckle) {
   table.emplace_back("Contrast to noise", change(speckle.before.cnr, speckle.after.cnr, 3));
 }
 
+/// Of all frames.
+core::IntensityRange range_of(const std::vector<core::Volume>& frames) {
+  core::IntensityRange range = frames.front().range();
+  double sum = 0.0;
+  for (const auto& frame : frames) {
+    range.min = std::min(range.min, frame.range().min);
+    range.max = std::max(range.max, frame.range().max);
+    sum += frame.range().mean;
+  }
+  range.mean = sum / static_cast<double>(frames.size());
+  return range;
+}
+
 int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) {
   take_path(scan, "filter");
   if (output.empty()) core::throw_usage("filter needs -o OUT, the file to write.");
@@ -176,6 +189,7 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
   imaging::write(output, sequence.frames, 0.0, write_options, progress.part(0.8, 1.0));
 
   const auto& first = sequence.frames.front();
+  const auto range = range_of(sequence.frames);
   Json object;
   object["output"] = output;
   Json names = Json::array();
@@ -185,9 +199,9 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
   object["spacing_mm"] = list_of(first.geometry().spacing_mm());
   object["frames"] = sequence.frames.size();
   object["pixel_type"] = write_options.pixel_type;
-  object["min"] = number(first.range().min);
-  object["max"] = number(first.range().max);
-  object["mean"] = number(first.range().mean);
+  object["min"] = number(range.min);
+  object["max"] = number(range.max);
+  object["mean"] = number(range.mean);
   object["speckle_before"] = to_json(speckle.before);
   object["speckle_after"] = to_json(speckle.after);
   object["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -196,8 +210,7 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
       "Filters", scan.recipe.filters.empty() ? "none" : join(names.get<std::vector<std::string>>(), ", "));
   table.emplace_back("Voxels", std::to_string(first.dims()[0]) + " x " + std::to_string(first.dims()[1]) +
                                    " x " + std::to_string(first.dims()[2]) + " " + write_options.pixel_type);
-  table.emplace_back("Values", shown(first.range().min) + " to " + shown(first.range().max) + ", mean " +
-                                   shown(first.range().mean));
+  table.emplace_back("Values", shown(range.min) + " to " + shown(range.max) + ", mean " + shown(range.mean));
   add_speckle(table, speckle);
   call.console.result(object, "Wrote " + output, table);
   return 0;

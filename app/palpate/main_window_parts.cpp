@@ -190,7 +190,7 @@ void MainWindow::refresh_actions() {
   ui_->actionSavePicture->setEnabled(volume);
   for (auto* action : {ui_->actionSaveSession, ui_->actionSaveSessionAs})
     action->setEnabled(session_->can_save());
-  ui_->actionBuild->setEnabled(volume);
+  ui_->actionBuild->setEnabled(workbench_.has_depth());
   for (auto* action : {ui_->actionPlayPause, ui_->actionStep, ui_->actionReset}) action->setEnabled(ready);
   ui_->actionUndo->setEnabled(workbench_.can_undo());
   ui_->actionRedo->setEnabled(workbench_.can_redo());

@@ -57,6 +57,11 @@ class Workbench : public QObject {
   JobTracker& jobs() { return jobs_; }
   const session::Recipe& recipe() const { return recipe_; }
   bool has_volume() const { return !volume_.empty(); }
+  /// A volume that tissue can be made of: more than one voxel along each axis.
+  bool has_depth() const {
+    const auto& dims = volume_.dims();
+    return has_volume() && dims[0] > 1 && dims[1] > 1 && dims[2] > 1;
+  }
   bool has_tissue() const { return built_.has_value(); }
   bool is_filtered() const { return !recipe_.filters.empty() && has_volume(); }
   /// With what the user stated in the place of what the file says.

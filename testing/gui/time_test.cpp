@@ -229,10 +229,14 @@ TEST_F(Time, APictureThatMovesFillsTheCentre) {
   ASSERT_TRUE(comes_to(1));
   QTest::keyClick(&views.view(gui::ViewGrid::axial), Qt::Key_Left);
   ASSERT_TRUE(comes_to(0));
+  // One slice makes no tissue; that is said before anybody presses.
+  EXPECT_FALSE(find<QPushButton>("buildButton").isEnabled());
+  EXPECT_TRUE(find<QWidget>("TissuePanel").findChild<QLabel*>("noteLabel")->text().contains("single slice"));
   // A volume brings all views back.
   window().open(sample_path());
   ASSERT_TRUE(wait_for([this] { return workbench().frame_count() == 1; }));
   EXPECT_TRUE(views.view(gui::ViewGrid::three_d).isVisible());
+  EXPECT_TRUE(find<QPushButton>("buildButton").isEnabled());
 }
 
 }  // namespace

@@ -74,6 +74,7 @@ void TissuePanel::wire() {
   });
   connect(ui_->buildButton, &QPushButton::clicked, &workbench_, &Workbench::build_tissue);
   connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::set_ranges);
+  connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::show_note);
   connect(&workbench_, &Workbench::volumeFiltered, this, &TissuePanel::set_ranges);
   connect(&workbench_, &Workbench::frameShown, this, &TissuePanel::show_note);
   connect(&workbench_, &Workbench::estimateStarted, this, [this] { show_waiting(tr("Counting…")); });
@@ -231,8 +232,11 @@ void TissuePanel::show_surface_source() {
 void TissuePanel::show_note() {
   const bool built = workbench_.has_tissue();
   const bool of_another = built && workbench_.tissue_frame() != workbench_.frame();
+  const bool flat = workbench_.has_volume() && !workbench_.has_depth();
   QString note;
-  if (of_another) {
+  if (flat) {
+    note = tr("This scan is a single slice. Tissue needs a volume: open a 3-D scan.");
+  } else if (of_another) {
     note = tr("The tissue is of frame %1. Building again takes frame %2, and drops its pulls.")
                .arg(workbench_.tissue_frame() + 1)
                .arg(workbench_.frame() + 1);
@@ -240,7 +244,8 @@ void TissuePanel::show_note() {
     note = tr("Building again replaces the tissue that is shown and its pulls.");
   }
   ui_->noteLabel->setText(note);
-  ui_->noteLabel->setVisible(built && !note.isEmpty());
+  ui_->noteLabel->setVisible((built || flat) && !note.isEmpty());
+  ui_->buildButton->setEnabled(!flat);
   ui_->buildButton->setText(built ? tr("Build again") : tr("Build tissue"));
 }
 

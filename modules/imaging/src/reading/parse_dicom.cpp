@@ -47,7 +47,9 @@ std::string date_of(const DicomItem& dataset) {
   for (const DicomTag tag : {DicomTag{0x0008, 0x0022}, DicomTag{0x0008, 0x002A}, DicomTag{0x0008, 0x0023},
                              DicomTag{0x0008, 0x0021}, DicomTag{0x0008, 0x0020}}) {
     const std::string digits = dataset.text(tag).substr(0, 8);
-    if (digits.size() == 8 && whole_number(digits) && digits != "00000000")
+    // These two stand where a date must be and none is known.
+    const bool filler = digits == "00000000" || digits == "19000101";
+    if (digits.size() == 8 && whole_number(digits) && !filler)
       return digits.substr(0, 4) + "-" + digits.substr(4, 2) + "-" + digits.substr(6, 2);
   }
   return {};
