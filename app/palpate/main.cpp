@@ -38,7 +38,7 @@ void describe(QCommandLineParser& parser) {
                     QStringLiteral("OpenCL device by number or name, or \"reference\"."),
                     QStringLiteral("DEVICE")});
   parser.addPositionalArgument(QStringLiteral("scan"),
-                               QStringLiteral("A file, a folder of one series, or a session."),
+                               QStringLiteral("A file, a folder, or a session."),
                                QStringLiteral("[scan]"));
 }
 
