@@ -8,12 +8,14 @@
 
 #include "palpate/imaging/reader.hpp"
 #include "palpate/imaging/writer.hpp"
+#include "palpate/testing/dicom_scans.hpp"
 
 #include <QAbstractSpinBox>
 #include <QClipboard>
 #include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QFile>
+#include <QFileInfo>
 #include <QGuiApplication>
 #include <QLabel>
 #include <QPushButton>
@@ -274,6 +276,42 @@ TEST_F(Data, AnOrientationIsChosenAndTakenBack) {
                     Qt::NoModifier, Qt::NoScrollPhase, false);
   QApplication::sendEvent(&combo, &wheel);
   EXPECT_EQ(combo.currentIndex(), 0);
+}
+
+/// Files of this kind leave open how the patient lay; so does each of the three.
+TEST_F(Data, AnOrientationIsRememberedForItsScanner) {
+  const auto scan = [this](int number) {
+    QlabScan made;
+    made.columns = made.rows = made.slices = 8;
+    made.value = [number](int i, int j, int k, int) { return 10 * number + i + j + k; };
+    const auto path = folder() / ("scan" + std::to_string(number) + ".dcm");
+    made.write(path);
+    return QString::fromStdString(path.string());
+  };
+  const auto opened = [this](const QString& path) {
+    window().open(path);
+    ASSERT_TRUE(wait_for([&] { return workbench().input_name() == QFileInfo(path).fileName(); }));
+  };
+  open(scan(1));
+  EXPECT_FALSE(workbench().info().patient_axes);
+  EXPECT_EQ(workbench().info().orientation, "RAS");
+  auto& combo = find<QComboBox>("orientationCombo");
+  const int other = combo.findData("RPI");
+  ASSERT_GE(other, 0);
+  combo.setCurrentIndex(other);
+  emit combo.activated(other);
+  EXPECT_EQ(workbench().info().orientation, "RPI");
+  EXPECT_TRUE(workbench().info().patient_axes);
+
+  opened(scan(2));
+  EXPECT_EQ(workbench().info().orientation, "RPI");
+  EXPECT_TRUE(label("messageText").contains("as you chose last time"));
+  click("messageAction");
+  EXPECT_EQ(workbench().info().orientation, "RAS");
+  EXPECT_FALSE(workbench().info().patient_axes);
+
+  opened(scan(3));
+  EXPECT_EQ(workbench().info().orientation, "RAS") << "what was taken back is not remembered";
 }
 
 TEST_F(Data, WarningsAreInWordsAndTheirCodesInDetails) {
