@@ -178,6 +178,11 @@ int filter_scan(ScanOptions& scan, const std::string& output, const Call& call) 
   const auto progress = call.console.progress();
   auto sequence = imaging::read(scan.recipe.input.path, read_options(scan), progress.part(0.0, 0.3));
   call.console.warn(sequence.info.warnings);
+  if (sequence.info.spacing_is_assumed())
+    call.console.warn("assumed-spacing-written",
+                      output +
+                          " will say 1 mm where nothing is known, and no program that reads it can tell. "
+                          "Give the spacing by --spacing.");
   const Speckle speckle = filter_frames(sequence, scan, call, progress.part(0.3, 0.8));
   imaging::WriteOptions write_options;
   write_options.pixel_type = pixel_type_of(sequence.info, scan.recipe.filters);

@@ -105,6 +105,17 @@ TEST_F(CliImaging, OrientationAndGridAreCheckedBeforeReading) {
   }
 }
 
+TEST_F(CliImaging, AnAssumedSpacingIsNotWrittenInSilence) {
+  write_mha(folder_ / "bare.mha", "2 3 4", "MET_UCHAR", std::string(24, 'a'), "");
+  const std::string bare = (folder_ / "bare.mha").string();
+  const std::string out = (folder_ / "out.nrrd").string();
+  const auto warned = [](const nlohmann::json& object) {
+    return object.at("warnings").dump().find("assumed-spacing-written") != std::string::npos;
+  };
+  EXPECT_TRUE(warned(cli_json({"filter", bare, "-o", out})));
+  EXPECT_FALSE(warned(cli_json({"filter", bare, "-o", out, "--spacing", "1,1,2"})));
+}
+
 TEST_F(CliImaging, TheRangeIsThatOfAllFrames) {
   std::string voxels;
   for (char k = 1; k <= 5; ++k) voxels += std::string(8, k);
