@@ -173,6 +173,14 @@ TEST(CliRefuses, DevicesThatAreNotThere) {
   reference.insert(reference.end(), {"--device", "reference"});
   EXPECT_EQ(cli_with(environment, reference).exit_code, 0) << "the reference needs none";
 
+  // A filter has its twin on the host; that it is the slow one is said.
+  const TemporaryFolder folder;
+  const Words filter = {"filter",   sample(),   "--crop", "0:24,0:24,0:24",
+                        "--filter", "adaptive", "-o",     (folder / "out.mha").string()};
+  const auto twin = cli_with(environment, filter);
+  EXPECT_EQ(twin.exit_code, 0) << twin.error;
+  EXPECT_THAT(twin.error, HasSubstr("no OpenCL device"));
+
   Words unknown = run;
   unknown.insert(unknown.end(), {"--device", "no-such-device-anywhere"});
   const auto named = cli(unknown);

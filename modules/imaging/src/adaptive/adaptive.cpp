@@ -19,14 +19,7 @@ constexpr double dark_share = 0.02;
 
 /// The device to work on; none for the CPU twin.
 std::optional<compute::Device> device_for(const std::string& selector) {
-  if (compute::is_reference_selector(selector)) return std::nullopt;
-  const char* const wish = std::getenv("PALPATE_DEVICE");
-  const bool asked = !selector.empty() || (wish != nullptr && *wish != '\0');
-  if (!asked) {
-    const auto devices = compute::list_devices();
-    if (std::none_of(devices.begin(), devices.end(), [](const auto& device) { return device.usable; }))
-      return std::nullopt;
-  }
+  if (compute::is_reference_selector(selector) || adaptive_lacks_device(selector)) return std::nullopt;
   return compute::open_device(selector);
 }
 
@@ -166,6 +159,13 @@ core::Volume adaptive::run(const core::Volume& volume, const AdaptiveParameters&
   }
   progress.report(1.0, "Adaptive filter");
   return {volume.geometry(), std::move(output)};
+}
+
+bool adaptive_lacks_device(const std::string& selector) {
+  const char* const wish = std::getenv("PALPATE_DEVICE");
+  if (!selector.empty() || (wish != nullptr && *wish != '\0')) return false;
+  const auto devices = compute::list_devices();
+  return std::none_of(devices.begin(), devices.end(), [](const auto& device) { return device.usable; });
 }
 
 }  // namespace palpate::imaging

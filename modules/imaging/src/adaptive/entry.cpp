@@ -42,6 +42,11 @@ FilterEntry adaptive_entry() {
                     adaptive_passes, true, ""),
       }};
   entry.apply = [](const FilterCall& call) {
+    if (adaptive_lacks_device(call.options.device))
+      call.warnings.push_back(
+          {"no-device",
+           "There is no OpenCL device: the adaptive filter ran on its slower reference, "
+           "with the same result. On Debian pocl-opencl-icd makes a device of the processor."});
     core::IntensityRange scan;
     scan.min = static_cast<float>(call.measured[0]);
     scan.max = static_cast<float>(call.measured[1]);

@@ -62,4 +62,7 @@ core::Volume adaptive_filter(const core::Volume& volume, const AdaptiveParameter
                              const core::IntensityRange& scan, const std::string& device = {},
                              const core::Progress& progress = {});
 
+/// Whether the twin on the host works because there is no device and none was asked for.
+bool adaptive_lacks_device(const std::string& selector);
+
 }  // namespace palpate::imaging
