@@ -92,7 +92,9 @@ struct KernelLibrary::Program {
   OwnedProgram program;
 };
 
-std::string KernelLibrary::source(const std::string& file) {
+namespace {
+
+std::string text_of(const std::string& file) {
   if (const char* folder = std::getenv("PALPATE_KERNEL_DIR"); folder != nullptr && *folder != '\0') {
     const auto path = std::filesystem::path(folder) / file;
     std::ifstream stream(path, std::ios::binary);
@@ -102,6 +104,30 @@ std::string KernelLibrary::source(const std::string& file) {
   if (embedded.empty())
     throw core::Error(core::ErrorKind::internal, "kernel-missing", "There is no kernel file " + file + ".");
   return std::string(embedded);
+}
+
+/// Puts the text of `#include "name.cl"` lines in their place, each file once.
+std::string resolved(const std::string& file, std::vector<std::string>& done) {
+  done.push_back(file);
+  std::istringstream lines(text_of(file));
+  const std::string mark = "#include \"";
+  std::string text;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind(mark, 0) != 0) {
+      text += line + "\n";
+      continue;
+    }
+    const std::string name = line.substr(mark.size(), line.find('"', mark.size()) - mark.size());
+    if (std::find(done.begin(), done.end(), name) == done.end()) text += resolved(name, done);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string KernelLibrary::source(const std::string& file) {
+  std::vector<std::string> done;
+  return resolved(file, done);
 }
 
 Kernel KernelLibrary::build(const std::string& file, const std::string& kernel,

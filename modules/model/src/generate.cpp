@@ -161,6 +161,7 @@ Tissue build(const core::Volume& volume, const TissueParameters& parameters, con
   Tissue tissue;
   tissue.geometry = volume.geometry();
   tissue.spacing_mm = volume.geometry().spacing_mm() * parameters.stride;
+  tissue.stride = parameters.stride;
   tissue.points = make_points(volume, plan, occupancy, threads, progress.part(0.0, 0.1));
   const LatticePoints lattice{tissue.points, occupancy, plan.frame, volume.geometry()};
   const core::Progress rest = progress.part(0.1, 1.0);

@@ -100,6 +100,11 @@ void DriverLoop::on(const command::SetStep& command) {
   use_step();
 }
 
+void DriverLoop::on(const command::SetSettings& command) {
+  on(command::SetStep{command.settings.step_s});
+  on(command::SetParameters{command.settings.parameters});
+}
+
 void DriverLoop::on(const command::GrabAt& command) {
   let_go();
   auto before = on_.solver->state();
@@ -146,7 +151,7 @@ void DriverLoop::restore(const simulation::State& state) {
 }
 
 void DriverLoop::update_bound(const std::vector<Eigen::Vector3f>& positions_mm) {
-  bound_ = simulation::stable_step(*setup_.tissue.tissue, positions_mm, setup_.settings.parameters);
+  bound_ = simulation::stable_step(*setup_.tissue.tissue, setup_.settings.parameters, {&positions_mm});
 }
 
 /// The step that the user named, or the automatic one. A named step above the

@@ -26,6 +26,9 @@ struct SetParameters {
 struct SetStep {
   std::optional<double> step_s;
 };
+struct SetSettings {
+  SimulationSettings settings;
+};
 struct GrabAt {
   interaction::Ray ray;
   interaction::PickReach reach;
@@ -40,7 +43,7 @@ struct Undo {};
 struct Redo {};
 }  // namespace command
 using Command = std::variant<command::Play, command::Pause, command::StepOnce, command::Reset,
-                             command::SetParameters, command::SetStep, command::GrabAt, command::DragTo,
+                             command::SetParameters, command::SetStep, command::SetSettings, command::GrabAt, command::DragTo,
                              command::Release, command::Undo, command::Redo>;
 
 /// The simulation of a SimulationDriver, without its thread: owns the device,
@@ -71,6 +74,7 @@ class DriverLoop {
   void on(const command::Reset&);
   void on(const command::SetParameters& command);
   void on(const command::SetStep& command);
+  void on(const command::SetSettings& command);
   void on(const command::GrabAt& command);
   void on(const command::DragTo& command);
   void on(const command::Release&);

@@ -58,6 +58,10 @@ BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe, con
   return built;
 }
 
+simulation::Material material_of(const model::Tissue&, const SimulationSettings&, const core::Progress&) {
+  return {};
+}
+
 BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tissue, const Recipe& recipe,
                            const core::Progress& progress) {
   BoundSurface bound;

@@ -139,6 +139,9 @@ void SimulationDriver::reset() { impl_->push(command::Reset{}); }
 void SimulationDriver::set_parameters(const simulation::Parameters& parameters) {
   impl_->push(command::SetParameters{parameters});
 }
+void SimulationDriver::set_settings(const SimulationSettings& settings) {
+  impl_->push(command::SetSettings{settings});
+}
 void SimulationDriver::set_step_s(std::optional<double> step_s) { impl_->push(command::SetStep{step_s}); }
 void SimulationDriver::grab(const interaction::Ray& ray, const interaction::PickReach& reach,
                             double radius_mm, interaction::SelectionKind kind) {

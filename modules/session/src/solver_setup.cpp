@@ -9,14 +9,15 @@
 namespace palpate::session {
 
 SolverOnDevice open_solver(const std::string& device_selector, std::shared_ptr<const model::Tissue> tissue,
-                           const simulation::Parameters& parameters) {
+                           const simulation::Parameters& parameters, const simulation::OpenclOptions& options,
+                           const simulation::Material& material) {
   simulation::check(parameters);
   SolverOnDevice on;
   if (compute::is_reference_selector(device_selector)) {
-    on.solver = simulation::make_reference_solver(std::move(tissue), parameters);
+    on.solver = simulation::make_reference_solver(std::move(tissue), parameters, material);
   } else {
     on.device = compute::open_device(device_selector);
-    on.solver = simulation::make_opencl_solver(*on.device, std::move(tissue), parameters);
+    on.solver = simulation::make_opencl_solver(*on.device, std::move(tissue), parameters, options, material);
   }
   return on;
 }

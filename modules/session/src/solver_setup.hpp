@@ -17,7 +17,9 @@ struct SolverOnDevice {
   std::unique_ptr<simulation::Solver> solver;
 };
 SolverOnDevice open_solver(const std::string& device_selector, std::shared_ptr<const model::Tissue> tissue,
-                           const simulation::Parameters& parameters);
+                           const simulation::Parameters& parameters,
+                           const simulation::OpenclOptions& options = {},
+                           const simulation::Material& material = {});
 
 /// Deforms a bound surface by the state of a solver, on its device or, for the
 /// reference solver, on the host.

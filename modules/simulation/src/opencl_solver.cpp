@@ -107,8 +107,8 @@ Buffer buffer_of(const compute::Device& device, const std::vector<Value>& values
 class OpenclSolver final : public Solver {
  public:
   OpenclSolver(const compute::Device& device, std::shared_ptr<const model::Tissue> tissue_given,
-               const Parameters& parameters, const OpenclOptions& options)
-      : Solver(std::move(tissue_given)),
+               const Parameters& parameters, const OpenclOptions& options, const Material& material)
+      : Solver(std::move(tissue_given), material),
         device_(device),
         count_(tissue().points.size()),
         points_per_item_(points_per_item(device, options)),
@@ -121,6 +121,8 @@ class OpenclSolver final : public Solver {
         freedom_(Buffer::allocate(device, stride_ * sizeof(float))),
         partials_(Buffer::allocate(device, health_groups * sizeof(Float4))) {
     check(parameters);
+    if (parameters.integrator != Integrator::rk4)
+      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
     const std::vector<Float4> rest = float4s(tissue().points.positions_mm, stride_);
     rest_ = buffer_of(device, rest);
     std::size_t links_per_point = 1;
@@ -178,6 +180,8 @@ class OpenclSolver final : public Solver {
 
   void set_parameters(const Parameters& parameters) override {
     check(parameters);
+    if (parameters.integrator != Integrator::rk4)
+      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
     parameters_ = parameters;
     set_parameter_arguments();
   }
@@ -340,8 +344,9 @@ class OpenclSolver final : public Solver {
 
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            std::shared_ptr<const model::Tissue> tissue,
-                                           const Parameters& parameters, const OpenclOptions& options) {
-  return std::make_unique<OpenclSolver>(device, std::move(tissue), parameters, options);
+                                           const Parameters& parameters, const OpenclOptions& options,
+                                           const Material& material) {
+  return std::make_unique<OpenclSolver>(device, std::move(tissue), parameters, options, material);
 }
 
 }  // namespace palpate::simulation

@@ -32,9 +32,12 @@ Phase plus(const Phase& y, double h, const Phase& k) {
 
 class ReferenceSolver final : public Solver {
  public:
-  ReferenceSolver(std::shared_ptr<const model::Tissue> tissue_given, const Parameters& parameters)
-      : Solver(std::move(tissue_given)), parameters_(parameters) {
+  ReferenceSolver(std::shared_ptr<const model::Tissue> tissue_given, const Parameters& parameters,
+                  const Material& material)
+      : Solver(std::move(tissue_given), material), parameters_(parameters) {
     check(parameters);
+    if (parameters.integrator != Integrator::rk4)
+      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
     for (const auto& position : tissue().points.positions_mm) y_.x.push_back(position.cast<double>());
     y_.v.assign(y_.x.size(), Eigen::Vector3d::Zero());
     selectance_.assign(y_.x.size(), 0.0);
@@ -69,6 +72,8 @@ class ReferenceSolver final : public Solver {
 
   void set_parameters(const Parameters& parameters) override {
     check(parameters);
+    if (parameters.integrator != Integrator::rk4)
+      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
     parameters_ = parameters;
   }
   const Parameters& parameters() const override { return parameters_; }
@@ -176,8 +181,8 @@ class ReferenceSolver final : public Solver {
 }  // namespace
 
 std::unique_ptr<Solver> make_reference_solver(std::shared_ptr<const model::Tissue> tissue,
-                                              const Parameters& parameters) {
-  return std::make_unique<ReferenceSolver>(std::move(tissue), parameters);
+                                              const Parameters& parameters, const Material& material) {
+  return std::make_unique<ReferenceSolver>(std::move(tissue), parameters, material);
 }
 
 }  // namespace palpate::simulation

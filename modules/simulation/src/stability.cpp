@@ -104,12 +104,8 @@ Bounds bounds_of(const model::LinkGraph& links, const std::vector<Eigen::Vector3
 
 }  // namespace
 
-StableStep stable_step(const model::Tissue& tissue, const Parameters& parameters) {
-  return stable_step(tissue, tissue.points.positions_mm, parameters);
-}
-
-StableStep stable_step(const model::Tissue& tissue, const std::vector<Eigen::Vector3f>& positions_mm,
-                       const Parameters& parameters) {
+StableStep stable_step(const model::Tissue& tissue, const Parameters& parameters, const StabilityCase& at) {
+  const auto& positions_mm = at.positions_mm != nullptr ? *at.positions_mm : tissue.points.positions_mm;
   const std::size_t points = tissue.points.size();
   if (positions_mm.size() != points)
     throw core::Error(core::ErrorKind::internal, "state-size",
@@ -140,7 +136,12 @@ StableStep stable_step(const model::Tissue& tissue, const std::vector<Eigen::Vec
   const double by_oscillation = omega > 0.0 ? 2.616 / omega : infinite;
   const double by_decay = mu > 0.0 ? 2.785 / mu : infinite;
   return {std::min(by_oscillation, by_decay), omega,
-          by_decay < by_oscillation ? bounds.damping.point : bounds.stiffness.point};
+          by_decay < by_oscillation ? bounds.damping.point : bounds.stiffness.point, mu, false};
+}
+
+StableStep estimated_stable_step(const model::Tissue& tissue, const Parameters& parameters,
+                                 const StabilityCase& at, const core::Progress&) {
+  return stable_step(tissue, parameters, at);
 }
 
 double automatic_step_s(const StableStep& bound) { return std::min(0.9 * bound.step_s, 0.02); }

@@ -122,11 +122,11 @@ TEST(StableStep, StretchingStiffens) {
   testing_::link_lattice(tissue, 1);
   auto stretched = tissue.points.positions_mm;
   for (auto& x : stretched) x *= 2.0F;
-  const auto bound = simulation::stable_step(tissue, stretched, undamped());
+  const auto bound = simulation::stable_step(tissue, undamped(), {&stretched});
   EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s, 2.0 * 4.0 * 10000.0, 1e-6);
   // Compressed links do not stiffen, and the direction is the same.
   for (auto& x : stretched) x /= 4.0F;
-  const auto compressed = simulation::stable_step(tissue, stretched, undamped());
+  const auto compressed = simulation::stable_step(tissue, undamped(), {&stretched});
   EXPECT_NEAR(compressed.omega_per_s * compressed.omega_per_s, 4.0 * 10000.0,
               1e-7 * 4.0e4);  // as on lattices
 }

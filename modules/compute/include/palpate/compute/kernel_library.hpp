@@ -60,7 +60,8 @@ class KernelLibrary {
                const std::vector<std::string>& defines = {});
 
   const Device& device() const noexcept { return device_; }
-  /// The source that build() would compile. Throws Error(internal) if there is none.
+  /// The source that build() would compile: a line `#include "name.cl"` stands
+  /// for that kernel file, once. Throws Error(internal) if there is none.
   static std::string source(const std::string& file);
 
  private:

@@ -7,13 +7,20 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 
 namespace palpate::model {
 
 enum class LinkRule {
-  six,     ///< the axis neighbours that exist (thesis 3.1)
-  nearest  ///< mutual n-nearest: linked when each is among the other's n (thesis 3.1)
+  six,        ///< the axis neighbours that exist (thesis 3.1)
+  nearest,    ///< mutual n-nearest: linked when each is among the other's n (thesis 3.1)
+  lattice18,  ///< the neighbours one voxel away along one or two axes (the mapping paper)
+  lattice26   ///< those along three axes too
+};
+enum class PointRule {
+  lattice,    ///< a point a voxel, shifted by the noise (thesis 3.1)
+  blue_noise  ///< points spread evenly without a lattice, as many on average; links by `nearest` only
 };
 
 /// Half-open voxel ranges; a scan's `--crop I0:I1,J0:J1,K0:K1`.
@@ -30,9 +37,14 @@ struct TissueParameters {
   int stride = 1;               ///< every n-th voxel along each axis, from the crop's first
   double noise = 0.1;           ///< A: uniform in [-A, A] times the point spacing of each axis; 0..0.5
   std::uint64_t seed = 1;
+  PointRule points = PointRule::lattice;
   LinkRule links = LinkRule::nearest;
   int max_links = 12;             ///< n; ignored for six. 1..64
   std::size_t min_component = 1;  ///< components with fewer points are dropped
+  /// Tissue is where this label image, by its own geometry, is `mask_label` (or
+  /// anything but 0); the threshold then counts only where it is given.
+  std::shared_ptr<const core::Volume> mask;
+  std::optional<int> mask_label;
 };
 
 /// Otsu's threshold over 256 bins of the finite range: the value at which the

@@ -44,6 +44,8 @@ struct Tissue {
   LinkGraph links;
   core::ImageGeometry geometry;                          ///< of the source volume
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();  ///< between points: voxel spacing times stride
+  int stride = 1;          ///< voxels between points
+  bool on_lattice = true;  ///< every point has a voxel of its own, `stride` voxels from the next
 };
 
 /// `component[p]` numbers the connected component of point p, largest first.

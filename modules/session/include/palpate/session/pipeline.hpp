@@ -19,7 +19,8 @@ struct BuiltTissue {
   std::shared_ptr<const model::Tissue> tissue;
   model::TissueStatistics statistics;
   simulation::StableStep stable_step;
-  double threshold_low = 0.0;  ///< that was used
+  simulation::Material material;  ///< factors and anchors by the recipe's settings
+  double threshold_low = 0.0;     ///< that was used
   double build_s = 0.0;        ///< points and links
 };
 struct BoundSurface {
@@ -44,6 +45,10 @@ Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe,
                          const core::Progress& progress = {});
 BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe,
                          const core::Progress& progress = {});
+/// The material of a tissue by the settings; reads the anchors' file.
+/// Throws Error(input) where it cannot be read or does not fit the tissue.
+simulation::Material material_of(const model::Tissue& tissue, const SimulationSettings& settings,
+                                 const core::Progress& progress = {});
 BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tissue, const Recipe& recipe,
                            const core::Progress& progress = {});
 

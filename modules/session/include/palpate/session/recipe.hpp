@@ -4,6 +4,7 @@
 #include "palpate/imaging/reader.hpp"
 #include "palpate/model/generate.hpp"
 #include "palpate/simulation/parameters.hpp"
+#include "palpate/simulation/solver.hpp"
 #include "palpate/surface/extract.hpp"
 
 #include <array>
@@ -30,9 +31,26 @@ struct SurfaceSettings {
   surface::MeshSpace mesh_space = surface::MeshSpace::automatic;
   int face_budget = 50000;
 };
+/// Tissue from a label image instead of, or within, a threshold.
+struct MaskSettings {
+  std::optional<std::filesystem::path> path;
+  std::optional<int> label;  ///< any but 0 where absent
+};
+/// Which points never move.
+struct AnchorSettings {
+  enum class Rule { none, border, file } rule = Rule::none;
+  std::filesystem::path file;  ///< a label image: where it is not 0
+};
+/// What is scaled by the intensity of a point's voxel.
+struct IntensityScaling {
+  bool stiffness = false, damping = false, drag = false, mass = false;
+};
 struct SimulationSettings {
   simulation::Parameters parameters;
   std::optional<double> step_s;  ///< automatic where absent
+  simulation::LayoutChoice layout = simulation::LayoutChoice::automatic;
+  AnchorSettings anchors;
+  IntensityScaling scaling;
 };
 
 /// Every parameter that decides a result, and the input's checksum.
@@ -40,7 +58,8 @@ struct Recipe {
   int version = 1;
   InputSettings input;
   std::vector<imaging::FilterStep> filters;
-  model::TissueParameters tissue;
+  model::TissueParameters tissue;  ///< its mask is read from `mask` by build_tissue()
+  MaskSettings mask;
   SurfaceSettings surface;
   SimulationSettings simulation;
 };

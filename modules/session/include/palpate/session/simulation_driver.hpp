@@ -24,6 +24,7 @@ struct Frame {
   double step_s = 0.0;
   double stable_step_s = 0.0;
   std::size_t worst_point = 0;
+  bool stable_step_is_estimate = false;  ///< of the converged eigenvalue; else of the per-point bound
   double ms_per_step = 0.0;       ///< measured over the last frames
   double realtime_factor = 0.0;   ///< simulated over wall seconds while playing
   double max_displacement_mm = 0.0;
@@ -31,6 +32,7 @@ struct Frame {
   bool diverged = false;
   bool can_undo = false, can_redo = false;
   std::string device;
+  std::string layout, layout_reason;  ///< as simulation::Solver has them
 };
 
 struct DriverSetup {
@@ -67,6 +69,9 @@ class SimulationDriver {
   void reset();  ///< to rest, time 0, nothing held; can be undone
   void set_parameters(const simulation::Parameters& parameters);
   void set_step_s(std::optional<double> step_s);  ///< automatic where absent
+  /// All of them at once. What needs another solver (layout, scaling) makes one
+  /// and carries the state over; the run goes on from where it was.
+  void set_settings(const SimulationSettings& settings);
 
   /// Also while paused: the points are held and shown, a drag is remembered,
   /// and the tissue follows it with the next play() or step_once().

@@ -41,6 +41,14 @@ struct Health {
   float max_speed_mm_per_s = 0.0F;
 };
 
+/// What the links say of a run; a pass over all of them on the device.
+struct LinkHealth {
+  double kinetic = 0.0;    ///< sum m |v|^2 / 2
+  double potential = 0.0;  ///< sum k (l - L0)^2 / 2 over undirected links at the present beat, minus m g.x
+  /// Largest |dl/dt| / L0 over links whose ends are both free (selectance 0, no anchor).
+  float max_strain_rate_per_s = 0.0F;
+};
+
 /// Integrates one tissue. Owned by one thread.
 class Solver {
  public:
@@ -60,7 +68,17 @@ class Solver {
   /// velocity of each held point by (1 - alpha) once more, so that no stale
   /// grab velocity feeds the dampers.
   virtual void set_grab_velocity(const Eigen::Vector3d& mm_per_s) = 0;
+  /// Any integrator may be chosen in mid-run; the state stays.
   virtual void set_parameters(const Parameters& parameters) = 0;
+  /// Points that never move, whatever holds or pulls them; their velocity is
+  /// zero from now on. Replaces the list; throws as check(Material) does.
+  virtual void set_anchors(const std::vector<std::uint32_t>& points);
+  /// Cuts links (indices into the tissue's LinkGraph) or brings them back. A
+  /// dead link gives no force and no energy. Throws Error(internal) for a link
+  /// that is not there.
+  virtual void set_links_alive(const std::vector<std::uint32_t>& links, bool alive);
+  const std::vector<std::uint8_t>& link_alive() const noexcept { return link_alive_; }
+  const Material& material() const noexcept { return material_; }
   virtual const Parameters& parameters() const = 0;
 
   virtual State state() const = 0;           ///< waits for the queue
@@ -69,6 +87,9 @@ class Solver {
   virtual void restore_snapshot() = 0;       ///< of the last save, time included; Error(internal) without one
   virtual double time_s() const = 0;
   virtual Health health() = 0;  ///< waits for the queue
+  /// Waits for the queue. The solver's own is a host-side sum in double; the
+  /// device's layouts do it in kernels.
+  virtual LinkHealth link_health();
   /// Sums in double over state(); host-side.
   Energy energy() const;
   /// Diagonal of the box around the points at rest; what is far is measured by it.
@@ -81,35 +102,51 @@ class Solver {
   virtual const compute::Buffer* positions_buffer() const = 0;
   virtual std::string device_name() const = 0;
   virtual std::string driver() const = 0;
-  virtual std::string layout() const = 0;  ///< "explicit"
-  virtual std::size_t bytes() const = 0;   ///< of device memory
+  virtual std::string layout() const = 0;                   ///< "lattice" or "explicit"
+  virtual std::string layout_reason() const { return {}; }  ///< for people: why this layout
+  virtual std::size_t bytes() const = 0;                    ///< of device memory
 
  protected:
-  explicit Solver(std::shared_ptr<const model::Tissue> tissue);
+  explicit Solver(std::shared_ptr<const model::Tissue> tissue, Material material = {});
   const model::Tissue& tissue() const noexcept { return *tissue_; }
 
  private:
   std::shared_ptr<const model::Tissue> tissue_;
+  Material material_;
+  std::vector<std::uint8_t> link_alive_;  ///< one a link
   double extent_mm_ = 0.0;
   double link_length_mm_ = std::numeric_limits<double>::infinity();
 };
+
+enum class LayoutChoice { automatic, lattice, explicit_links };
+std::string to_string(LayoutChoice choice);  ///< "auto", "lattice", "explicit"
+/// Throws Error(usage) naming what is accepted.
+LayoutChoice layout_of(const std::string& name);
 
 /// How the OpenCL solver runs; results differ in rounding only.
 struct OpenclOptions {
   /// Points that a work-item takes as vector lanes: 1, 4, 8 or 16. 0: by the
   /// device's float_vector_width. Error(internal) for others.
   unsigned points_per_item = 0;
+  /// `lattice` throws Error(usage) for a tissue whose points do not lie on one.
+  LayoutChoice layout = LayoutChoice::automatic;
 };
-/// kernels/explicit_rk4.cl: separate arrays, explicit links stored column
-/// by column, four fused stage kernels, no atomics. Compiles and warms its
-/// kernels up, so that the first step is as fast as the next. Throws
-/// Error(device), and Error(usage) as check() does.
+/// A link with a rest length of zero does not act, in every layout: that is
+/// how a cut link is stored.
+///
+/// Lattice (kernels/lattice.cl): segments of consecutive voxels of a row, a
+/// stencil of neighbours with a rest length each, other links in an overflow
+/// list. Explicit (kernels/explicit.cl): separate arrays, links stored column
+/// by column. Neither uses atomics. Compiles and warms its kernels up, so that
+/// the first step is as fast as the next. Throws Error(device), and
+/// Error(usage) as check() does.
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            std::shared_ptr<const model::Tissue> tissue,
-                                           const Parameters& parameters, const OpenclOptions& options = {});
+                                           const Parameters& parameters, const OpenclOptions& options = {},
+                                           const Material& material = {});
 /// The same model in Eigen and double precision: the independent check, and
 /// what runs where there is no device.
 std::unique_ptr<Solver> make_reference_solver(std::shared_ptr<const model::Tissue> tissue,
-                                              const Parameters& parameters);
+                                              const Parameters& parameters, const Material& material = {});
 
 }  // namespace palpate::simulation
