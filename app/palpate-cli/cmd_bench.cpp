@@ -1,3 +1,4 @@
+#include "bench_engine.hpp"
 #include "commands.hpp"
 #include "console.hpp"
 #include "options.hpp"
@@ -21,10 +22,6 @@
 
 namespace palpate::cli {
 namespace {
-
-/// What the simulation's cases will be called (docs/cli.md).
-const std::vector<std::string> later_cases{"jittered-20k", "jittered-216k", "jittered-1m", "heart-708k",
-                                           "lattice18-20k-verlet"};
 
 struct Request {
   bool quick = false;
@@ -136,6 +133,33 @@ const std::vector<std::string> full_cases{"adaptive-116x200x117", "median-116x20
 const std::vector<std::string> small_cases{"adaptive-58x100x58", "median-58x100x58", "gaussian-58x100x58",
                                            "handover-30mb"};
 
+bool is_engine(const std::string& name) {
+  const auto& names = engine_cases();
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::vector<std::string> all_cases() {
+  auto all = engine_cases();
+  all.insert(all.end(), full_cases.begin(), full_cases.end());
+  return all;
+}
+
+std::vector<std::string> quick_cases() {
+  std::vector<std::string> quick{"jittered-20k", "lattice18-20k-verlet"};
+  quick.insert(quick.end(), small_cases.begin(), small_cases.end());
+  return quick;
+}
+
+/// The published layout is OpenCL; without a device there is nothing to set beside it.
+void refuse_engine(std::vector<std::string>& wanted) {
+  const auto first = std::stable_partition(wanted.begin(), wanted.end(),
+                                           [](const std::string& name) { return !is_engine(name); });
+  if (first == wanted.begin() && first != wanted.end())
+    core::throw_usage("--case " + *first +
+                      " compares kernels and needs an OpenCL device; see palpate-cli devices.");
+  wanted.erase(first, wanted.end());
+}
+
 bool is_small(const std::string& name) {
   return std::find(small_cases.begin(), small_cases.end(), name) != small_cases.end();
 }
@@ -163,13 +187,20 @@ class Bench {
 
   void run() {
     auto wanted = request_.cases;
-    if (wanted.empty()) wanted = request_.quick ? small_cases : full_cases;
+    if (wanted.empty()) wanted = request_.quick ? quick_cases() : all_cases();
+    if (!device_) refuse_engine(wanted);
     const double parts = static_cast<double>(wanted.size()) + 1.0;
     triad_gb_s_ = triad_gb_s(device_, request_.quick, progress_.part(0.0, 1.0 / parts));
-    for (std::size_t n = 0; n < wanted.size(); ++n)
-      figures_.push_back(measure(wanted[n], progress_.part((static_cast<double>(n) + 1.0) / parts,
-                                                           (static_cast<double>(n) + 2.0) / parts)));
+    for (std::size_t n = 0; n < wanted.size(); ++n) {
+      const auto part =
+          progress_.part((static_cast<double>(n) + 1.0) / parts, (static_cast<double>(n) + 2.0) / parts);
+      if (is_engine(wanted[n]))
+        engine_.push_back(measure_engine(wanted[n], *device_, triad_gb_s_, request_.quick, part));
+      else
+        figures_.push_back(measure(wanted[n], part));
+    }
   }
+  const std::vector<EngineFigure>& engine() const noexcept { return engine_; }
   double triad() const noexcept { return triad_gb_s_; }
   const std::vector<Figure>& figures() const noexcept { return figures_; }
 
@@ -244,6 +275,7 @@ class Bench {
   core::Volume volume_;
   bool volume_is_small_ = false;
   double triad_gb_s_ = 0.0;
+  std::vector<EngineFigure> engine_;
   std::vector<Figure> figures_;
 };
 
@@ -261,12 +293,14 @@ int run_request(const Request& request, Console& console) {
   object["triad_gb_s"] = number(bench.triad());
   object["quick"] = request.quick;
   object["cases"] = Json::array();
+  for (const EngineFigure& figure : bench.engine()) object["cases"].push_back(to_json(figure));
   object["mapping"] = Json::array();
   object["imaging"] = Json::array();
   Table table{{"Device", name},
               {"Driver", driver},
               {"Processor", join(cpu_flags(), " ")},
               {"Memory (triad)", shown(bench.triad()) + " GB/s"}};
+  for (const EngineFigure& figure : bench.engine()) table.emplace_back(figure.name, to_text(figure));
   for (const Figure& figure : bench.figures()) {
     object["imaging"].push_back(to_json(figure));
     table.emplace_back(figure.name, to_text(figure));
@@ -282,14 +316,13 @@ int run_bench(const Call& call) {
   Request request;
   OptionSet options(
       "bench", "bench [options]",
-      "Measures this program on one device: filters and the hand-over of a scan. The simulation's "
-      "cases come later.");
-  auto accepted = full_cases;
+      "Measures this program on one device: its engine against the published layout of the same "
+      "model, run in turn; filters; the hand-over of a scan.");
+  auto accepted = all_cases();
   accepted.insert(accepted.end(), small_cases.begin(), small_cases.end());
   options.flag("--quick", "smaller volumes and fewer runs", request.quick);
-  options.value(
-      "--case", "NAME", "only this one: " + join(full_cases, ", ") + " (repeatable)",
-      [&](const std::string& name) { request.cases.push_back(parse_choice(name, accepted, later_cases)); });
+  options.value("--case", "NAME", "only this one: " + join(all_cases(), ", ") + " (repeatable)",
+                [&](const std::string& name) { request.cases.push_back(parse_choice(name, accepted)); });
   add_common(options, common);
   options.example("palpate-cli bench --quick --json");
   if (parse_or_help(options, call)) return 0;

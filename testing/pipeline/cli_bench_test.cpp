@@ -26,13 +26,34 @@ TEST(CliBench, GivesItsFiguresAsTheContractSays) {
                    figure["seconds"].get<double>() / figure["baseline_seconds"].get<double>());
 }
 
-TEST(CliBench, RefusesCasesThatAreNotThere) {
-  const auto later = cli({"bench", "--case", "heart-708k"});
-  EXPECT_EQ(later.exit_code, 2);
-  EXPECT_THAT(later.error, HasSubstr("yet"));
+TEST(CliBench, SetsTheEngineBesideThePublishedLayout) {
+  if (!has_device()) GTEST_SKIP() << "There is no OpenCL device.";
+  const auto object = cli_json({"bench", "--quick", "--case", "jittered-20k"});
+  ASSERT_EQ(object["cases"].size(), 1U);
+  const auto& figure = object["cases"][0];
+  EXPECT_EQ(figure["points"], 27 * 27 * 27);
+  EXPECT_EQ(figure["integrator"], "rk4");
+  EXPECT_GT(figure["links"].get<double>(), 4.0 * 27 * 27 * 27);  // some ten a point, each counted once
+  const double ms = figure["ms_per_step"].get<double>();
+  EXPECT_GT(ms, 0.0);
+  EXPECT_NEAR(figure["speedup"].get<double>(), figure["baseline_ms_per_step"].get<double>() / ms, 1e-9 * ms);
+  EXPECT_NEAR(figure["link_evaluations_per_s"].get<double>(), 8.0 * figure["links"].get<double>() / (ms / 1000.0),
+              1.0);
+  // Two ways to the same positions, ten steps of rounding at 13 mm: 1e-6 mm each
+  // time, and rest lengths that may be kept in 16 bits (2e-5 of a link).
+  EXPECT_LT(figure["max_difference_mm"].get<double>(), 1e-4);
+  for (const char* const key : {"layout", "bytes_per_step", "bandwidth_fraction", "realtime_factor", "build_s",
+                                "device_bytes_per_point", "baseline_bytes_per_point", "compared_with"})
+    EXPECT_TRUE(figure.contains(key)) << key;
+}
+
+TEST(CliBench, RefusesWhatItCannotMeasure) {
   const auto wrong = cli({"bench", "--case", "everything"});
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_THAT(wrong.error, HasSubstr("adaptive-116x200x117"));
+  const auto no_device = cli({"bench", "--device", "reference", "--case", "jittered-20k"});
+  EXPECT_EQ(no_device.exit_code, 2);
+  EXPECT_THAT(no_device.error, HasSubstr("OpenCL device"));
 }
 
 }  // namespace
