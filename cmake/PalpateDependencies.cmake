@@ -4,11 +4,11 @@ find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(OpenCL REQUIRED)
 find_package(nlohmann_json 3 REQUIRED)
 find_package(VTK 9.1 REQUIRED COMPONENTS
-  CommonCore CommonDataModel CommonExecutionModel CommonMath CommonTransforms
+  ChartsCore CommonCore CommonDataModel CommonExecutionModel CommonMath CommonTransforms
   FiltersCore FiltersGeneral FiltersGeometry FiltersModeling FiltersSources
   IOGeometry IOImage IOLegacy IOPLY IOXML
   ImagingCore InteractionStyle
-  RenderingAnnotation RenderingCore RenderingFreeType RenderingOpenGL2)
+  RenderingAnnotation RenderingContext2D RenderingContextOpenGL2 RenderingCore RenderingFreeType RenderingOpenGL2)
 if(PALPATE_BUILD_GUI)
   find_package(VTK 9.1 REQUIRED COMPONENTS GUISupportQt)
   # VTK decides the Qt version: 5 on Debian 12, 6 where it was built so.

@@ -22,7 +22,7 @@ struct Coverage {
 
 /// A plain sans serif where the system has one; VTK's own face is too light
 /// and too round to be read at this size.
-const std::string& font_file() {
+const std::string& plain_font_file() {
   static const std::string file = [] {
     for (const char* candidate :
          {"/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
@@ -51,7 +51,7 @@ Coverage letters_of(const std::string& text, int size_px, bool bold) {
   const std::lock_guard<std::mutex> lock(one_at_a_time);
   vtkNew<vtkTextProperty> property;
   property->SetFontFamilyToArial();
-  if (const std::string file = bold ? bold_of(font_file()) : font_file(); !file.empty()) {
+  if (const std::string file = font_file(bold); !file.empty()) {
     property->SetFontFamily(VTK_FONT_FILE);
     property->SetFontFile(file.c_str());
   }
@@ -96,6 +96,11 @@ void blur(std::vector<int>& values, int count, int lines, int stride, int line_s
 }
 
 }  // namespace
+
+std::string font_file(bool bold) {
+  const std::string& plain = plain_font_file();
+  return bold && !plain.empty() ? bold_of(plain) : plain;
+}
 
 TextImage draw_text(const std::string& text, int size_px, Rgba color, bool bold, bool halo) {
   const Coverage letters = letters_of(text, size_px, bold);

@@ -22,4 +22,7 @@ struct TextImage {
 /// library is not safe for two threads; calls wait for each other here.
 TextImage draw_text(const std::string& text, int size_px, Rgba color, bool bold, bool halo);
 
+/// A plain sans serif of the system, or its bold face; empty where there is none.
+std::string font_file(bool bold);
+
 }  // namespace palpate::visualization
