@@ -149,7 +149,7 @@ TEST_F(Simulating, TheGaugeOffersTheAutomaticStep) {
 class BrokenKernels : public WindowTest {
  protected:
   BrokenKernels() {
-    std::ofstream(kernels_ / "explicit_rk4.cl") << "kernel void stage(global float* x) { x[0] = nowhere; }\n";
+    std::ofstream(kernels_ / "explicit.cl") << "kernel void stage(global float* x) { x[0] = nowhere; }\n";
     setenv("PALPATE_KERNEL_DIR", kernels_.path().c_str(), 1);
   }
   ~BrokenKernels() override {

@@ -1,4 +1,4 @@
-// kernels/explicit_rk4.cl, grab.cl and health.cl against the reference solver
+// kernels/explicit.cl, grab.cl and health.cl against the reference solver
 // in double precision and against what is known exactly.
 #include "palpate/simulation/solver.hpp"
 

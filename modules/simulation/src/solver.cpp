@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include <cmath>
 #include <numeric>
 
 namespace palpate::simulation {
@@ -50,28 +51,51 @@ void Solver::set_links_alive(const std::vector<std::uint32_t>& links, bool alive
   for (const std::uint32_t link : links) link_alive_[link] = alive ? 1 : 0;
 }
 
+std::vector<float> Solver::freedom() const {
+  std::vector<float> freedom(tissue_->points.size(), 1.0F);
+  for (const std::uint32_t point : material_.anchors) freedom[point] = 0.0F;
+  return freedom;
+}
+
 LinkHealth Solver::link_health() {
   const Energy now = energy();
-  return {now.kinetic, now.potential, 0.0F};
+  const State at = state();
+  const std::vector<float> free = freedom();
+  double fastest = 0.0;
+  for_living_links([&](std::size_t link, std::uint32_t a, std::uint32_t b) {
+    if (free[a] != 1.0F || free[b] != 1.0F) return;
+    const Eigen::Vector3d apart = (at.positions_mm[b] - at.positions_mm[a]).cast<double>();
+    const Eigen::Vector3d speed = (at.velocities_mm_per_s[b] - at.velocities_mm_per_s[a]).cast<double>();
+    const double length = apart.norm();
+    if (length == 0.0) return;
+    const double rate = std::abs(apart.dot(speed)) / (length * rest_length(link));
+    if (!(rate <= fastest)) fastest = rate;  // NaN stays
+  });
+  return {now.kinetic, now.potential, static_cast<float>(fastest)};
 }
 
 Energy Solver::energy() const {
   const State now = state();
   const Parameters& p = parameters();
+  const auto factor = [&](bool scaled, std::size_t n) {
+    return scaled && !material_.factors.empty() ? static_cast<double>(material_.factors[n]) : 1.0;
+  };
   Energy energy;
   for (std::size_t n = 0; n < now.positions_mm.size(); ++n) {
+    const double mass = p.mass * factor(material_.scales_mass, n);
     const Eigen::Vector3d velocity = now.velocities_mm_per_s[n].cast<double>();
-    energy.kinetic += 0.5 * velocity.squaredNorm();
-    energy.momentum += velocity;
-    energy.potential -= p.gravity_mm_per_s2.dot(now.positions_mm[n].cast<double>());
+    energy.kinetic += 0.5 * mass * velocity.squaredNorm();
+    energy.momentum += mass * velocity;
+    energy.potential -= mass * p.gravity_mm_per_s2.dot(now.positions_mm[n].cast<double>());
   }
-  const model::LinkGraph& links = tissue().links;
-  for (std::size_t n = 0; n < links.size(); ++n) {
-    const auto [a, b] = links.pairs[n];
+  const double rest_scale = rest_scale_at(p, now.time_s);
+  for_living_links([&](std::size_t link, std::uint32_t a, std::uint32_t b) {
+    const bool scaled = material_.scales_stiffness;
+    const double stiffness = 0.5 * p.stiffness_per_s2 * (factor(scaled, a) + factor(scaled, b));
     const double length = (now.positions_mm[b] - now.positions_mm[a]).cast<double>().norm();
-    const double extension = length - static_cast<double>(links.rest_lengths_mm[n]);
-    energy.potential += 0.5 * p.stiffness_per_s2 * extension * extension;
-  }
+    const double extension = length - rest_scale * rest_length(link);
+    energy.potential += 0.5 * stiffness * extension * extension;
+  });
   return energy;
 }
 

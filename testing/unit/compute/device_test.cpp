@@ -103,5 +103,5 @@ TEST(Devices, AnUnknownKernelFileIsADefectOfTheProgram) {
     EXPECT_EQ(error.exit_code(), 1);
     EXPECT_THAT(error.what(), ::testing::HasSubstr("nowhere.cl"));
   }
-  EXPECT_THAT(compute::KernelLibrary::source("explicit_rk4.cl"), ::testing::HasSubstr("__kernel void stage"));
+  EXPECT_THAT(compute::KernelLibrary::source("explicit.cl"), ::testing::HasSubstr("__kernel void stage"));
 }

@@ -50,7 +50,7 @@ class KernelLibrary {
  public:
   explicit KernelLibrary(Device device) : device_(std::move(device)) {}
 
-  /// file: "explicit_rk4.cl" and so on. defines: {"LINKS_PER_POINT=12", ...};
+  /// file: "explicit.cl" and so on. defines: {"LINKS_PER_POINT=12", ...};
   /// an entry that begins with '-' goes to the compiler as it is
   /// ("-cl-fast-relaxed-math"). VECTOR_WIDTH is always defined: the device's
   /// float_vector_width.

@@ -8,12 +8,23 @@
 
 namespace palpate::simulation {
 
-/// How time is stepped (docs/physics.md, "Integrators").
+/// How time is stepped (docs/physics.md, "Integrators"), in every layout and
+/// the reference alike: with h the step, f = 1 - selectance (0 for an anchor)
+/// and a(x, v, t) the acceleration by links, drag and gravity.
 enum class Integrator {
-  euler,             ///< x += h v, v += h a(x, v)
-  symplectic_euler,  ///< v += h a(x, v), x += h v
-  verlet,            ///< the papers' position form, x+ = 2x - x- + h^2 a, velocities by differences
-  velocity_verlet,   ///< carries velocity, so that damping is of second order too
+  /// x+ = x + h f v, v+ = v + h f a(x, v, t)
+  euler,
+  /// v+ = v + h f a(x, v, t), x+ = x + h f v+
+  symplectic_euler,
+  /// The papers' position form x+ = 2x - x- + h^2 a(x, v, t) with the velocity
+  /// by differences, v = (x - x-)/h, which dampers see and State holds. The
+  /// same sequence as symplectic Euler, but for rounding; a state that is set
+  /// starts from x- = x - h v.
+  verlet,
+  /// Carries velocity, so that damping is of second order too: with
+  /// a0 = a(x, v, t): x+ = x + h f (v + h/2 f a0),
+  /// v+ = v + h/2 f (a0 + a(x+, v + h f a0, t + h)). Two evaluations a step.
+  velocity_verlet,
   rk4,
   implicit_euler  ///< stable at any step, for stiff tissue
 };

@@ -28,10 +28,11 @@ struct HeldPoint {
   float selectance = 1.0F;  ///< alpha in [0, 1]
 };
 
+/// Masses are in units of the thesis' one, so that energies are in mm^2/s^2.
 struct Energy {
-  double kinetic = 0.0;    ///< sum |v|^2 / 2, mm^2/s^2 (unit mass)
-  double potential = 0.0;  ///< sum k (l - L0)^2 / 2 over undirected links, minus g.x
-  Eigen::Vector3d momentum = Eigen::Vector3d::Zero();  ///< mm/s
+  double kinetic = 0.0;    ///< sum m |v|^2 / 2
+  double potential = 0.0;  ///< sum k (l - L0)^2 / 2 over living links at the present beat, minus m g.x
+  Eigen::Vector3d momentum = Eigen::Vector3d::Zero();  ///< sum m v, mm/s
 };
 
 /// What a run is watched by; computed on the device, cheap.
@@ -87,10 +88,11 @@ class Solver {
   virtual void restore_snapshot() = 0;       ///< of the last save, time included; Error(internal) without one
   virtual double time_s() const = 0;
   virtual Health health() = 0;  ///< waits for the queue
-  /// Waits for the queue. The solver's own is a host-side sum in double; the
-  /// device's layouts do it in kernels.
+  /// Waits for the queue. The solver's own is a host-side sum in double over
+  /// state(); the device's layouts do it in kernels.
   virtual LinkHealth link_health();
-  /// Sums in double over state(); host-side.
+  /// Sums in double over state(), with the masses and stiffnesses of the
+  /// material; host-side.
   Energy energy() const;
   /// Diagonal of the box around the points at rest; what is far is measured by it.
   double extent_mm() const noexcept { return extent_mm_; }
@@ -111,8 +113,23 @@ class Solver {
  protected:
   explicit Solver(std::shared_ptr<const model::Tissue> tissue, Material material = {});
   const model::Tissue& tissue() const noexcept { return *tissue_; }
+  /// Of every point, the factor of its derivative: 1 - selectance, 0 for an
+  /// anchor. The solver's own knows of no held points.
+  virtual std::vector<float> freedom() const;
 
  private:
+  double rest_length(std::size_t link) const {
+    return static_cast<double>(tissue_->links.rest_lengths_mm[link]);
+  }
+  /// use(link, first point, second point) for links that act.
+  template <typename Use>
+  void for_living_links(const Use& use) const {
+    const model::LinkGraph& links = tissue_->links;
+    for (std::size_t link = 0; link < links.size(); ++link)
+      if (link_alive_[link] != 0 && links.rest_lengths_mm[link] != 0.0F)
+        use(link, links.pairs[link][0], links.pairs[link][1]);
+  }
+
   std::shared_ptr<const model::Tissue> tissue_;
   Material material_;
   std::vector<std::uint8_t> link_alive_;  ///< one a link

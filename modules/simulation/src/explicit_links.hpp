@@ -1,0 +1,24 @@
+#pragma once
+
+#include "palpate/model/tissue.hpp"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace palpate::simulation {
+
+/// The links of a point in columns, [slot][point], for `stride` >= the points.
+/// Unused ends of columns name the point itself with a rest length of zero.
+struct Columns {
+  std::size_t links_per_point = 1;  ///< slots: the most links of a point, at least 1
+  std::vector<std::uint32_t> partners;
+  std::vector<float> rest_lengths_mm;
+};
+Columns columns_of(const model::LinkGraph& links, std::size_t stride);
+
+/// Where in the columns each link is, at its first and at its second end.
+std::vector<std::array<std::uint32_t, 2>> places_of(const model::LinkGraph& links, std::size_t stride);
+
+}  // namespace palpate::simulation
