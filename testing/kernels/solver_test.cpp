@@ -27,7 +27,8 @@ class OpenclSolver : public testing_::DeviceTest {
  protected:
   std::unique_ptr<Solver> solver(const std::shared_ptr<model::Tissue>& tissue, const Parameters& parameters,
                                  unsigned points_per_item = 0) const {
-    return simulation::make_opencl_solver(device(), tissue, parameters, {points_per_item});
+    return simulation::make_opencl_solver(device(), tissue, parameters,
+                                          {points_per_item, simulation::LayoutChoice::explicit_links});
   }
 };
 

@@ -3,6 +3,7 @@
 #include "device_solver.hpp"
 #include "explicit_arrays.hpp"
 #include "explicit_links.hpp"
+#include "implicit_explicit.hpp"
 
 #include "palpate/compute/kernel_library.hpp"
 #include "palpate/core/error.hpp"
@@ -10,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <utility>
 
 namespace palpate::simulation {
@@ -54,6 +56,7 @@ struct Launch {
   double lead;    ///< of the step; only for `stage`
   double at;      ///< when in the step its forces are: 0 at its begin, 1 at its end
   bool has_lead;
+  std::size_t phases;  ///< read and written by it
 };
 
 /// One step: launches in order. Where they write beside the state there is a
@@ -146,9 +149,24 @@ class ExplicitSolver final : public DeviceSolver {
     for (const auto* phase : {&a_.y, &a_.s2, &a_.s3, &a_.s4, &snapshot_}) sum += phase->bytes();
     return sum;
   }
+  std::size_t bytes_per_step() const override {
+    std::size_t sum = 0;
+    for (const auto& launch : scheme_->launches)
+      sum +=
+          launch.phases * a_.y.bytes() + a_.partners.bytes() + a_.rest_lengths.bytes() + a_.freedom.bytes();
+    return sum;
+  }
 
  protected:
   void use(const Parameters& parameters) override {
+    is_implicit_ = parameters.integrator == Integrator::implicit_euler;
+    if (is_implicit_) {
+      if (!implicit_)
+        implicit_ = std::make_unique<ImplicitExplicitStep>(library_, a_, step_defines(),
+                                                           implicit_spread(tissue(), material()));
+      implicit_->use(parameters);
+      return;
+    }
     Scheme& scheme = scheme_of(parameters.integrator);
     const double per_mass = 1.0 / parameters.mass;
     stiffness_ = parameters.stiffness_per_s2 * per_mass;
@@ -170,6 +188,10 @@ class ExplicitSolver final : public DeviceSolver {
   }
 
   void begin_steps(double step_s) override {
+    if (is_implicit_) {
+      implicit_->begin_steps(step_s);
+      return;
+    }
     for (auto* launches : {&scheme_->launches, &scheme_->back})
       for (auto& launch : *launches) {
         launch.kernel.set(launch.next + 5, static_cast<float>(stiffness_));
@@ -179,6 +201,10 @@ class ExplicitSolver final : public DeviceSolver {
   }
 
   void run_step(double step_s, double time_s) override {
+    if (is_implicit_) {
+      implicit_->run_step(step_s, time_s);
+      return;
+    }
     for (auto& launch : is_beside_ ? scheme_->back : scheme_->launches) {
       if (beat_.beat_amplitude != 0.0)
         launch.kernel.set(launch.next + 5,
@@ -266,8 +292,11 @@ class ExplicitSolver final : public DeviceSolver {
 
   /// The kernel with its arrays of states and those that all kernels take.
   Launch launch(const char* name, const std::vector<DevicePhase*>& phases, double h, double lead, double at) {
-    Launch result{
-        library_.build("explicit.cl", name, step_defines()), 0, h, lead, at, std::string(name) == "stage"};
+    const bool is_stage = std::string(name) == "stage";
+    // All but `stage` read the phase that they write; `stage` may find its base in its source.
+    const std::size_t moved =
+        is_stage ? std::set<DevicePhase*>(phases.begin(), phases.end()).size() : phases.size() + 1;
+    Launch result{library_.build("explicit.cl", name, step_defines()), 0, h, lead, at, is_stage, moved};
     for (const DevicePhase* phase : phases) {
       result.kernel.set(result.next++, phase->x);
       result.kernel.set(result.next++, phase->v);
@@ -340,6 +369,8 @@ class ExplicitSolver final : public DeviceSolver {
   Buffer partials_;
   std::map<Integrator, Scheme> schemes_;
   Scheme* scheme_ = nullptr;
+  std::unique_ptr<ImplicitExplicitStep> implicit_;  ///< made when it is first asked for
+  bool is_implicit_ = false;
   bool is_beside_ = false;  ///< within a batch: the state is in s2
   double stiffness_ = 0.0;  ///< k/m
   Parameters beat_;

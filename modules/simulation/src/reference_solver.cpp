@@ -33,23 +33,17 @@ Phase plus(const Phase& y, double h, const Phase& k) {
 class ReferenceSolver final : public Solver {
  public:
   ReferenceSolver(std::shared_ptr<const model::Tissue> tissue_given, const Parameters& parameters,
-                  const Material& material)
-      : Solver(std::move(tissue_given), material), parameters_(parameters) {
-    check(parameters);
-    if (parameters.integrator != Integrator::rk4)
-      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
+                  const Material& material_given)
+      : Solver(std::move(tissue_given), material_given) {
     for (const auto& position : tissue().points.positions_mm) y_.x.push_back(position.cast<double>());
     y_.v.assign(y_.x.size(), Eigen::Vector3d::Zero());
-    selectance_.assign(y_.x.size(), 0.0);
+    set_parameters(parameters);
+    free_or_hold();
   }
 
   void step(int count, double step_s) override {
     for (int n = 0; n < count; ++n) {
-      const Phase k1 = derivative(y_);
-      const Phase k2 = derivative(plus(y_, step_s / 2, k1));
-      const Phase k3 = derivative(plus(y_, step_s / 2, k2));
-      const Phase k4 = derivative(plus(y_, step_s, k3));
-      y_ = plus(plus(plus(plus(y_, step_s / 6, k1), step_s / 3, k2), step_s / 3, k3), step_s / 6, k4);
+      one_step(step_s);
       if (!grab_velocity_.isZero(0.0)) move_held(step_s);
       time_s_ += step_s;
     }
@@ -57,11 +51,8 @@ class ReferenceSolver final : public Solver {
 
   void hold(const std::vector<HeldPoint>& held) override {
     held_ = checked(held, y_.x.size());
-    selectance_.assign(y_.x.size(), 0.0);
-    for (const auto& [point, selectance] : held_) {
-      selectance_[point] = static_cast<double>(selectance);
-      y_.v[point] *= 1.0 - selectance_[point];
-    }
+    free_or_hold();
+    for (const auto& [point, selectance] : held_) y_.v[point] *= 1.0 - static_cast<double>(selectance);
   }
 
   void set_grab_velocity(const Eigen::Vector3d& mm_per_s) override {
@@ -72,11 +63,22 @@ class ReferenceSolver final : public Solver {
 
   void set_parameters(const Parameters& parameters) override {
     check(parameters);
-    if (parameters.integrator != Integrator::rk4)
-      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in this version.");
+    if (parameters.integrator == Integrator::implicit_euler)
+      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in the reference.");
     parameters_ = parameters;
+    mass_.clear();
+    drag_per_s_.clear();
+    for (std::size_t n = 0; n < y_.x.size(); ++n) {
+      mass_.push_back(parameters.mass * factor(material().scales_mass, n));
+      drag_per_s_.push_back(parameters.drag_per_s * factor(material().scales_drag, n));
+    }
   }
   const Parameters& parameters() const override { return parameters_; }
+
+  void set_anchors(const std::vector<std::uint32_t>& points) override {
+    Solver::set_anchors(points);
+    free_or_hold();
+  }
 
   State state() const override {
     State copy;
@@ -92,6 +94,7 @@ class ReferenceSolver final : public Solver {
       y_.x[n] = state.positions_mm[n].cast<double>();
       y_.v[n] = state.velocities_mm_per_s[n].cast<double>();
     }
+    still_anchors();
     time_s_ = state.time_s;
   }
 
@@ -99,6 +102,7 @@ class ReferenceSolver final : public Solver {
   void restore_snapshot() override {
     if (!snapshot_) throw core::Error(core::ErrorKind::internal, "no-snapshot", "No snapshot was saved.");
     y_ = snapshot_->y;
+    still_anchors();  // points may have become anchors since
     time_s_ = snapshot_->time_s;
   }
 
@@ -128,42 +132,136 @@ class ReferenceSolver final : public Solver {
   std::string layout() const override { return "explicit"; }
   std::size_t bytes() const override { return 0; }
 
+ protected:
+  std::vector<float> freedom() const override {
+    std::vector<float> copy;
+    for (const double freedom : freedom_) copy.push_back(static_cast<float>(freedom));
+    return copy;
+  }
+
  private:
   struct Snapshot {
     Phase y;
     double time_s;
   };
 
-  Phase derivative(const Phase& y) const {
-    Phase f;
-    f.x = y.v;
-    f.v.resize(y.v.size());
-    for (std::size_t n = 0; n < y.v.size(); ++n)
-      f.v[n] = parameters_.gravity_mm_per_s2 - parameters_.drag_per_s * y.v[n];
+  double factor(bool scaled, std::size_t point) const {
+    return scaled && !material().factors.empty() ? static_cast<double>(material().factors[point]) : 1.0;
+  }
+
+  void one_step(double h) {
+    switch (parameters_.integrator) {
+      case Integrator::euler:
+        y_ = plus(y_, h, derivative(y_, time_s_));
+        return;
+      case Integrator::symplectic_euler:
+        return symplectic_euler(h);
+      case Integrator::verlet:
+        return verlet(h);
+      case Integrator::velocity_verlet:
+        return velocity_verlet(h);
+      case Integrator::rk4:
+        return rk4(h);
+      case Integrator::implicit_euler:
+        return;  // set_parameters refuses it
+    }
+  }
+
+  void symplectic_euler(double h) {
+    const Vectors f = derivative(y_, time_s_).v;
+    for (std::size_t n = 0; n < y_.x.size(); ++n) {
+      y_.v[n] += h * f[n];
+      y_.x[n] += h * freedom_[n] * y_.v[n];
+    }
+  }
+
+  /// Position form: the place before is as far behind as the velocity says, so
+  /// that a state that was set, or another step, starts it anew.
+  void verlet(double h) {
+    if (h == 0.0) return;
+    const Vectors f = derivative(y_, time_s_).v;
+    for (std::size_t n = 0; n < y_.x.size(); ++n) {
+      const Eigen::Vector3d before = y_.x[n] - h * y_.v[n];
+      const Eigen::Vector3d next = 2.0 * y_.x[n] - before + h * h * f[n];
+      const Eigen::Vector3d moved = next - y_.x[n];
+      y_.v[n] = moved / h;
+      y_.x[n] += freedom_[n] * moved;
+    }
+  }
+
+  /// The second force is at the new place, with the velocity predicted.
+  void velocity_verlet(double h) {
+    const Vectors f = derivative(y_, time_s_).v;
+    Phase ahead = y_;
+    for (std::size_t n = 0; n < y_.x.size(); ++n) {
+      ahead.x[n] += h * freedom_[n] * (y_.v[n] + h / 2.0 * f[n]);
+      ahead.v[n] += h * f[n];
+    }
+    const Vectors f_ahead = derivative(ahead, time_s_ + h).v;
+    y_.x = ahead.x;
+    for (std::size_t n = 0; n < y_.x.size(); ++n) y_.v[n] += h / 2.0 * (f[n] + f_ahead[n]);
+  }
+
+  void rk4(double h) {
+    const Phase k1 = derivative(y_, time_s_);
+    const Phase k2 = derivative(plus(y_, h / 2, k1), time_s_ + h / 2);
+    const Phase k3 = derivative(plus(y_, h / 2, k2), time_s_ + h / 2);
+    const Phase k4 = derivative(plus(y_, h, k3), time_s_ + h);
+    y_ = plus(plus(plus(plus(y_, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4);
+  }
+
+  /// (v, a) of every point, scaled by its freedom.
+  Phase derivative(const Phase& y, double time_s) const {
+    const Parameters& p = parameters_;
+    Vectors force(y.v.size());
+    for (std::size_t n = 0; n < y.v.size(); ++n) force[n] = -drag_per_s_[n] * y.v[n];
     const model::LinkGraph& links = tissue().links;
+    const double rest_scale = rest_scale_at(p, time_s);
     for (std::size_t n = 0; n < links.size(); ++n) {
+      if (link_alive()[n] == 0 || links.rest_lengths_mm[n] == 0.0F) continue;
       const auto [i, j] = links.pairs[n];
       const Eigen::Vector3d apart = y.x[j] - y.x[i];
       const double length = apart.norm();
       if (length < 1e-15) continue;  // coincident points: no direction, no force
       const Eigen::Vector3d d = apart / length;
-      const double extension = length - static_cast<double>(links.rest_lengths_mm[n]);
-      const Eigen::Vector3d force =
-          d * (parameters_.stiffness_per_s2 * extension + parameters_.damping_per_s * d.dot(y.v[j] - y.v[i]));
-      f.v[i] += force;
-      f.v[j] -= force;
+      const double extension = length - rest_scale * static_cast<double>(links.rest_lengths_mm[n]);
+      const double k = p.stiffness_per_s2 * mean_factor(material().scales_stiffness, i, j);
+      const double c = p.damping_per_s * mean_factor(material().scales_damping, i, j);
+      const Eigen::Vector3d pull = d * (k * extension + c * d.dot(y.v[j] - y.v[i]));
+      force[i] += pull;
+      force[j] -= pull;
     }
-    for (const auto& [point, unused] : held_) {
-      const double freedom = 1.0 - selectance_[point];
-      f.x[point] *= freedom;
-      f.v[point] *= freedom;
+    Phase f;
+    for (std::size_t n = 0; n < y.v.size(); ++n) {
+      f.x.emplace_back(freedom_[n] * y.v[n]);
+      f.v.emplace_back(freedom_[n] * (force[n] / mass_[n] + p.gravity_mm_per_s2));
     }
     return f;
   }
 
+  double mean_factor(bool scaled, std::size_t i, std::size_t j) const {
+    return (factor(scaled, i) + factor(scaled, j)) / 2.0;
+  }
+
+  void free_or_hold() {
+    freedom_.assign(y_.x.size(), 1.0);
+    for (const auto& [point, selectance] : held_) freedom_[point] = 1.0 - static_cast<double>(selectance);
+    is_anchor_.assign(y_.x.size(), false);
+    for (const std::uint32_t point : material().anchors) is_anchor_[point] = true;
+    still_anchors();
+  }
+
+  void still_anchors() {
+    for (const std::uint32_t point : material().anchors) {
+      freedom_[point] = 0.0;
+      y_.v[point].setZero();
+    }
+  }
+
   void move_held(double h) {
-    for (const auto& [point, unused] : held_) {
-      const double alpha = selectance_[point];
+    for (const auto& [point, selectance] : held_) {
+      if (is_anchor_[point]) continue;
+      const double alpha = static_cast<double>(selectance);
       y_.x[point] += alpha * h * grab_velocity_;
       y_.v[point] = (1.0 - alpha) * y_.v[point] + alpha * grab_velocity_;
     }
@@ -171,7 +269,10 @@ class ReferenceSolver final : public Solver {
 
   Parameters parameters_;
   Phase y_;
-  std::vector<double> selectance_;
+  std::vector<double> mass_;        ///< one a point, as those below
+  std::vector<double> drag_per_s_;  ///< force per velocity
+  std::vector<double> freedom_;     ///< 1 - selectance, 0 for an anchor
+  std::vector<bool> is_anchor_;
   std::vector<HeldPoint> held_;
   Eigen::Vector3d grab_velocity_ = Eigen::Vector3d::Zero();
   std::optional<Snapshot> snapshot_;
