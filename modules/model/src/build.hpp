@@ -11,7 +11,7 @@ namespace palpate::model {
 struct Plan {
   CropBox box;
   LatticeFrame frame;
-  IntensityWindow window;
+  TissueRule rule;
   Jitter jitter;
   Metric metric;
   OffsetTable table;
@@ -24,7 +24,7 @@ Occupancy occupy(const core::Volume& volume, Plan& plan, unsigned threads, const
 /// Points and links of what is occupied; nothing is dropped.
 Tissue build(const core::Volume& volume, const TissueParameters& parameters, const Plan& plan,
              const Occupancy& occupancy, unsigned threads, const core::Progress& progress);
-[[noreturn]] void throw_no_tissue(const core::Volume& volume, const IntensityWindow& window);
+[[noreturn]] void throw_no_tissue(const core::Volume& volume, const TissueRule& rule, const CropBox& box);
 [[noreturn]] void throw_all_dropped(std::size_t min_component, std::size_t largest_component);
 
 /// generate() with a number of threads, which must not show in the result.

@@ -1,7 +1,9 @@
 #include "build.hpp"
 #include "device_bytes.hpp"
+#include "links.hpp"
 #include "parallel.hpp"
 #include "runs.hpp"
+#include "scatter.hpp"
 
 #include "palpate/model/generate.hpp"
 
@@ -91,10 +93,11 @@ LinkSample sample_nearest(const core::Volume& volume, const TissueParameters& pa
       });
 }
 
-/// Six neighbours are few enough to be counted at every point.
-LinkSample count_six(const Occupancy& occupancy, unsigned threads, const core::Progress& progress) {
-  std::array<std::ptrdiff_t, 3> steps{occupancy.bit_step({1, 0, 0}), occupancy.bit_step({0, 1, 0}),
-                                      occupancy.bit_step({0, 0, 1})};
+/// The neighbours on the lattice are few enough to be counted at every point.
+LinkSample count_neighbours(const Occupancy& occupancy, const std::vector<Cell>& half_stencil,
+                            unsigned threads, const core::Progress& progress) {
+  std::vector<std::ptrdiff_t> steps;
+  for (const Cell& step : half_stencil) steps.push_back(occupancy.bit_step(step));
   const auto rows = static_cast<std::size_t>(occupancy.size()[1]);
   const std::size_t all_rows = rows * static_cast<std::size_t>(occupancy.size()[2]);
   return gather(
@@ -152,10 +155,10 @@ void count_what_stays(const Tissue& all, std::size_t min_component, TissueStatis
 }
 
 /// The block of about `block_sites` sites that holds most points.
-LatticeFrame densest_block(const LatticeFrame& whole, const std::vector<Run>& runs) {
+LatticeFrame densest_block(const LatticeFrame& whole, const std::vector<Run>& runs, double most_sites) {
   Cell edge = whole.size;
   const auto sites = [&] { return static_cast<double>(edge[0]) * edge[1] * edge[2]; };
-  while (sites() > static_cast<double>(block_sites)) {
+  while (sites() > most_sites) {
     int& longest = *std::max_element(edge.begin(), edge.end());
     longest = std::max(1, longest * 9 / 10);
   }
@@ -188,6 +191,110 @@ LatticeFrame densest_block(const LatticeFrame& whole, const std::vector<Run>& ru
   return frame;
 }
 
+/// The statistics of voxels, turned to those of points without a lattice.
+void share_out(const RunComponents& components, std::size_t voxels, int stride,
+               TissueStatistics& statistics) {
+  const double share = static_cast<double>(stride) * stride * stride;
+  const auto points_in = [&](std::size_t count) {
+    return static_cast<std::size_t>(std::llround(static_cast<double>(count) / share));
+  };
+  statistics.points = scattered_count(voxels, stride);
+  statistics.largest_component = std::max<std::size_t>(1, points_in(statistics.largest_component));
+  statistics.components = statistics.isolated = 0;
+  for (const std::size_t count : components.points) {
+    const std::size_t points = points_in(count);
+    if (points > 0) ++statistics.components;
+    if (points == 1) ++statistics.isolated;
+  }
+  statistics.components = std::max<std::size_t>(1, statistics.components);
+}
+
+/// The links of a block's points that do not lie beside a face where the
+/// tissue was cut off.
+LinkSample sample_inside(const Tissue& block, const LatticeFrame& frame, const LatticeFrame& whole) {
+  constexpr double cut_off = 2.5;  // spacings; longer links are few
+  std::vector<int> degree(block.points.size(), 0);
+  for (const auto& pair : block.links.pairs)
+    for (const std::uint32_t end : pair) ++degree[end];
+  const Eigen::Vector3d voxel_mm = block.geometry.spacing_mm();
+  LinkSample inside;
+  LinkSample all;
+  for (std::size_t point = 0; point < degree.size(); ++point) {
+    bool is_inside = true;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto row = static_cast<Eigen::Index>(axis);
+      const double margin = cut_off * block.spacing_mm[row] / voxel_mm[row];
+      const int end = frame.begin[axis] + frame.size[axis];
+      const int at = block.points.voxels[point][axis];
+      if (frame.begin[axis] > whole.begin[axis] && at - frame.begin[axis] < margin) is_inside = false;
+      if (end < whole.begin[axis] + whole.size[axis] && end - 1 - at < margin) is_inside = false;
+    }
+    all.add(degree[point]);
+    if (is_inside) inside.add(degree[point]);
+  }
+  return inside.points > 0 ? inside : all;
+}
+
+void scale_up(const LinkSample& links, TissueStatistics& statistics) {
+  statistics.mean_links_per_point = links.mean();
+  statistics.links =
+      static_cast<std::size_t>(std::llround(0.5 * links.mean() * static_cast<double>(statistics.points)));
+  statistics.min_links_per_point = statistics.isolated > 0 ? 0 : links.fewest;
+  statistics.max_links_per_point = links.most;
+  statistics.bytes = bytes_of(statistics.points, statistics.links, links.most);
+}
+
+TissueEstimate estimate_scattered(const core::Volume& volume, const TissueParameters& parameters, Plan plan,
+                                  const Occupancy& occupancy, unsigned threads,
+                                  const core::Progress& progress) {
+  TissueEstimate result;
+  const RunComponents components = components_of_runs(occupancy, Touch{}, progress.cancel());
+  progress.report(0.2, "Estimating components");
+  TissueParameters all_pieces = parameters;
+  all_pieces.min_component = 1;
+  describe(components, volume, all_pieces, plan, result.statistics);
+  share_out(components, occupancy.count(), parameters.stride, result.statistics);
+  if (parameters.min_component > 1)
+    count_what_stays(build(volume, parameters, plan, occupancy, threads, progress.part(0.2, 0.7)),
+                     parameters.min_component, result.statistics);
+  const LatticeFrame whole = plan.frame;
+  const double share = std::pow(parameters.stride, 3);
+  plan.frame = densest_block(whole, components.runs, share * static_cast<double>(block_sites));
+  const Occupancy voxels = occupy(volume, plan, threads, progress.part(0.7, 0.75));
+  result.sample = build(volume, parameters, plan, voxels, threads, progress.part(0.75, 1.0));
+  scale_up(sample_inside(result.sample, plan.frame, whole), result.statistics);
+  return result;
+}
+
+TissueEstimate estimate_on_lattice(const core::Volume& volume, const TissueParameters& parameters,
+                                   const Plan& plan, const Occupancy& occupancy, unsigned threads,
+                                   const core::Progress& progress) {
+  TissueEstimate result;
+  const bool by_distance = parameters.links == LinkRule::nearest;
+  const core::Progress counting = progress.part(0.0, 0.3);
+  const LinkSample links =
+      by_distance ? sample_nearest(volume, parameters, plan, occupancy, threads, counting)
+                  : count_neighbours(occupancy, half_stencil(parameters.links), threads, counting);
+  Touch touch;
+  if (by_distance) touch.along = links.along;
+  if (parameters.links == LinkRule::six) touch.across = 1;
+  if (parameters.links == LinkRule::lattice18) touch.across = 2;
+  const RunComponents components = components_of_runs(occupancy, touch, progress.cancel());
+  progress.report(0.5, "Estimating components");
+
+  describe(components, volume, parameters, plan, result.statistics);
+  if (by_distance && parameters.min_component > 1)
+    count_what_stays(build(volume, parameters, plan, occupancy, threads, progress.part(0.3, 0.5)),
+                     parameters.min_component, result.statistics);
+  scale_up(links, result.statistics);
+
+  Plan block = plan;
+  block.frame = densest_block(plan.frame, components.runs, static_cast<double>(block_sites));
+  const Occupancy sites = occupy(volume, block, threads, progress.part(0.5, 0.6));
+  result.sample = build(volume, parameters, block, sites, threads, progress.part(0.6, 1.0));
+  return result;
+}
+
 }  // namespace
 
 TissueEstimate estimate(const core::Volume& volume, const TissueParameters& parameters,
@@ -195,45 +302,23 @@ TissueEstimate estimate(const core::Volume& volume, const TissueParameters& para
   const unsigned threads = core_count();
   Plan plan = make_plan(volume, parameters, threads, progress.part(0.0, 0.2));
   const Occupancy occupancy = occupy(volume, plan, threads, progress.part(0.2, 0.4));
-  if (occupancy.count() == 0) throw_no_tissue(volume, plan.window);
+  if (occupancy.count() == 0) throw_no_tissue(volume, plan.rule, plan.box);
 
-  TissueEstimate result;
-  if (occupancy.count() <= small_tissue) {
+  const bool scattered = parameters.points == PointRule::blue_noise;
+  const std::size_t points =
+      scattered ? scattered_count(occupancy.count(), parameters.stride) : occupancy.count();
+  if (points <= small_tissue) {
+    TissueEstimate result;
     TissueParameters same = parameters;
-    same.threshold_low = plan.window.low;
+    same.threshold_low = plan.rule.window.low;
     result.sample = generate_with(volume, same, threads, progress.part(0.4, 1.0));
     result.statistics = statistics_of(result.sample);
     result.sampled = false;
     return result;
   }
-
-  const bool six = parameters.links == LinkRule::six;
-  const LinkSample links =
-      six ? count_six(occupancy, threads, progress.part(0.4, 0.6))
-          : sample_nearest(volume, parameters, plan, occupancy, threads, progress.part(0.4, 0.6));
-  Touch touch;
-  touch.corners = !six;
-  if (!six) touch.along = links.along;
-  const RunComponents components = components_of_runs(occupancy, touch, progress.cancel());
-  progress.report(0.7, "Estimating components");
-
-  TissueStatistics& statistics = result.statistics;
-  describe(components, volume, parameters, plan, statistics);
-  if (!six && parameters.min_component > 1)
-    count_what_stays(build(volume, parameters, plan, occupancy, threads, progress.part(0.6, 0.7)),
-                     parameters.min_component, statistics);
-  statistics.mean_links_per_point = links.mean();
-  statistics.links =
-      static_cast<std::size_t>(std::llround(0.5 * links.mean() * static_cast<double>(statistics.points)));
-  statistics.min_links_per_point = statistics.isolated > 0 ? 0 : links.fewest;
-  statistics.max_links_per_point = links.most;
-  statistics.bytes = bytes_of(statistics.points, statistics.links, links.most);
-
-  Plan block = plan;
-  block.frame = densest_block(plan.frame, components.runs);
-  const Occupancy sites = occupy(volume, block, threads, progress.part(0.7, 0.75));
-  result.sample = build(volume, parameters, block, sites, threads, progress.part(0.75, 1.0));
-  return result;
+  const core::Progress rest = progress.part(0.4, 1.0);
+  return scattered ? estimate_scattered(volume, parameters, plan, occupancy, threads, rest)
+                   : estimate_on_lattice(volume, parameters, plan, occupancy, threads, rest);
 }
 
 }  // namespace palpate::model

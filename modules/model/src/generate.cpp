@@ -4,11 +4,14 @@
 #include "components.hpp"
 #include "links.hpp"
 #include "parallel.hpp"
+#include "scatter.hpp"
 
 #include "palpate/core/error.hpp"
 
 #include <cmath>
+#include <limits>
 #include <sstream>
+#include <utility>
 
 namespace palpate::model {
 namespace {
@@ -32,7 +35,12 @@ void check(const core::Volume& volume, const TissueParameters& p) {
   if (p.max_links < 1 || p.max_links > static_cast<int>(NearestList::most))
     usage("The number of links per point is ", p.max_links, "; it must be between 1 and ", NearestList::most,
           ".");
-  if (p.links != LinkRule::six && p.links != LinkRule::nearest) usage("The rule for links is unknown.");
+  if (p.links < LinkRule::six || p.links > LinkRule::lattice26) usage("The rule for links is unknown.");
+  if (p.points != PointRule::lattice && p.points != PointRule::blue_noise)
+    usage("The rule for points is unknown.");
+  if (p.points == PointRule::blue_noise && p.links != LinkRule::nearest)
+    usage("Points without a lattice (blue-noise) have no neighbours on one: link them by nearest.");
+  if (p.mask && p.mask->empty()) usage("The mask holds no voxels.");
 }
 
 PointCloud make_points(const core::Volume& volume, const Plan& plan, const Occupancy& occupancy,
@@ -65,6 +73,33 @@ PointCloud make_points(const core::Volume& volume, const Plan& plan, const Occup
                    occupancy.for_row(static_cast<int>(row % rows), static_cast<int>(row / rows), place);
                });
   return points;
+}
+
+/// Whether `f(voxel)` holds for some voxel of the box.
+template <typename F>
+bool any_voxel(const CropBox& box, const F& f) {
+  for (int k = box.begin[2]; k < box.end[2]; ++k)
+    for (int j = box.begin[1]; j < box.end[1]; ++j)
+      for (int i = box.begin[0]; i < box.end[0]; ++i)
+        if (f(Cell{i, j, k})) return true;
+  return false;
+}
+
+/// Where there is no tissue because of the mask alone, says how it fails.
+void throw_if_mask_is_to_blame(const core::Volume& volume, const MaskLookup& mask, const CropBox& box) {
+  const auto reaches = [&](const Cell& voxel) { return mask.reaches(voxel); };
+  if (!any_voxel(CropBox{{0, 0, 0}, volume.dims()}, reaches))
+    throw core::Error(core::ErrorKind::input, "mask-outside",
+                      "The mask lies outside the scan: no voxel of the scan is in it. Take a mask that was "
+                      "made of this scan, and check spacing and orientation of both.");
+  if (any_voxel(box, [&](const Cell& voxel) { return mask.holds(voxel); })) return;
+  std::ostringstream text;
+  text << "The mask marks no voxel of the scan";
+  if (mask.label()) text << " with label " << *mask.label();
+  const core::IntensityRange& labels = mask.mask().range();
+  text << "; its labels reach from " << labels.min << " to " << labels.max
+       << ". Choose another label or mask, or a larger crop.";
+  throw core::Error(core::ErrorKind::input, "mask-empty", text.str());
 }
 
 /// Keeps what `keep` says, in order.
@@ -112,15 +147,17 @@ void drop_small_components(Tissue& tissue, std::size_t min_component, const core
 
 }  // namespace
 
-void throw_no_tissue(const core::Volume& volume, const IntensityWindow& window) {
+void throw_no_tissue(const core::Volume& volume, const TissueRule& rule, const CropBox& box) {
+  if (rule.mask) throw_if_mask_is_to_blame(volume, *rule.mask, box);
+  const IntensityWindow& window = rule.window;
   std::ostringstream text;
-  text << "No voxel lies ";
+  text << (rule.mask ? "No voxel of the mask lies " : "No voxel lies ");
   if (std::isfinite(window.high))
     text << "between " << window.low << " and " << window.high;
   else
     text << "at " << window.low << " or above";
   text << "; the volume's values reach from " << volume.range().min << " to " << volume.range().max
-       << ". Choose a threshold in that range, or a larger crop.";
+       << ". Choose a threshold in that range, or a larger " << (rule.mask ? "mask." : "crop.");
   throw core::Error(core::ErrorKind::input, "no-tissue", text.str());
 }
 
@@ -135,13 +172,17 @@ Plan make_plan(const core::Volume& volume, const TissueParameters& parameters, u
                const core::Progress& progress) {
   check(volume, parameters);
   const CropBox box = clip(parameters.crop, volume.dims());
-  const double low =
-      parameters.threshold_low ? *parameters.threshold_low : otsu(volume, box, threads, progress);
-  const double amplitude = parameters.noise;
+  const double low = parameters.threshold_low ? *parameters.threshold_low
+                     : parameters.mask        ? -std::numeric_limits<double>::infinity()
+                                              : otsu(volume, box, threads, progress);
+  const bool scattered = parameters.points == PointRule::blue_noise;
+  const double amplitude = scattered ? 0.0 : parameters.noise;
   const Metric metric(volume.geometry(), parameters.stride);
+  TissueRule rule{{low, parameters.threshold_high}, std::nullopt};
+  if (parameters.mask) rule.mask.emplace(*parameters.mask, parameters.mask_label, volume.geometry());
   return {box,
-          frame_of(box, parameters.stride),
-          {low, parameters.threshold_high},
+          frame_of(box, scattered ? 1 : parameters.stride),
+          std::move(rule),
           Jitter(parameters.seed, amplitude),
           metric,
           OffsetTable(metric, amplitude, parameters.max_links)};
@@ -149,9 +190,9 @@ Plan make_plan(const core::Volume& volume, const TissueParameters& parameters, u
 
 Occupancy occupy(const core::Volume& volume, Plan& plan, unsigned threads, const core::Progress& progress) {
   Cell pad = plan.table.pad();
-  // The six neighbours look one site beyond the lattice.
+  // Neighbours are looked for one site beyond the lattice.
   for (int& sites : pad) sites = std::max(sites, 1);
-  Occupancy occupancy = occupy(volume, plan.frame, plan.window, pad, threads, progress);
+  Occupancy occupancy = occupy(volume, plan.frame, plan.rule, pad, threads, progress);
   plan.table.bind(occupancy);
   return occupancy;
 }
@@ -160,15 +201,29 @@ Tissue build(const core::Volume& volume, const TissueParameters& parameters, con
              const Occupancy& occupancy, unsigned threads, const core::Progress& progress) {
   Tissue tissue;
   tissue.geometry = volume.geometry();
-  tissue.spacing_mm = volume.geometry().spacing_mm() * parameters.stride;
   tissue.stride = parameters.stride;
+  const LatticeFrame sites = frame_of(plan.box, parameters.stride);
+  for (std::size_t axis = 0; axis < 3; ++axis) tissue.first_voxel[axis] = sites.begin[axis];
+  tissue.on_lattice = parameters.points == PointRule::lattice;
+  if (!tissue.on_lattice) {
+    for (std::size_t axis = 0; axis < 3; ++axis) tissue.last_voxel[axis] = plan.box.end[axis] - 1;
+    const double edge_mm = scattered_spacing_mm(volume.geometry(), parameters.stride);
+    tissue.spacing_mm = Eigen::Vector3d::Constant(edge_mm);
+    tissue.points = scatter(volume, plan.frame, occupancy, parameters.stride, parameters.seed, threads,
+                            progress.part(0.0, 0.5));
+    tissue.links = link_by_positions(tissue.points, 2.0 * edge_mm, parameters.max_links, threads,
+                                     progress.part(0.5, 1.0));
+    return tissue;
+  }
+  tissue.last_voxel = sites.voxel_of({sites.size[0] - 1, sites.size[1] - 1, sites.size[2] - 1});
+  tissue.spacing_mm = volume.geometry().spacing_mm() * parameters.stride;
   tissue.points = make_points(volume, plan, occupancy, threads, progress.part(0.0, 0.1));
   const LatticePoints lattice{tissue.points, occupancy, plan.frame, volume.geometry()};
   const core::Progress rest = progress.part(0.1, 1.0);
-  tissue.links = parameters.links == LinkRule::six
-                     ? link_six(lattice, threads, rest)
-                     : link_mutual_nearest(lattice, plan.table, plan.metric, plan.jitter,
-                                           parameters.max_links, threads, rest);
+  tissue.links = parameters.links == LinkRule::nearest
+                     ? link_mutual_nearest(lattice, plan.table, plan.metric, plan.jitter,
+                                           parameters.max_links, threads, rest)
+                     : link_neighbours(lattice, half_stencil(parameters.links), threads, rest);
   return tissue;
 }
 
@@ -176,7 +231,7 @@ Tissue generate_with(const core::Volume& volume, const TissueParameters& paramet
                      const core::Progress& progress) {
   Plan plan = make_plan(volume, parameters, threads, progress.part(0.0, 0.03));
   const Occupancy occupancy = occupy(volume, plan, threads, progress.part(0.03, 0.06));
-  if (occupancy.count() == 0) throw_no_tissue(volume, plan.window);
+  if (occupancy.count() == 0) throw_no_tissue(volume, plan.rule, plan.box);
   Tissue tissue = build(volume, parameters, plan, occupancy, threads, progress.part(0.06, 0.92));
   if (parameters.min_component > 1)
     drop_small_components(tissue, parameters.min_component, progress.part(0.92, 1.0));

@@ -1,5 +1,6 @@
 #include "lattice.hpp"
 
+#include "hash.hpp"
 #include "parallel.hpp"
 
 #include "palpate/core/error.hpp"
@@ -7,19 +8,6 @@
 #include <cmath>
 
 namespace palpate::model {
-namespace {
-
-/// The finalizer of a 64-bit hash: every input bit flips half of the output's.
-std::uint64_t mixed(std::uint64_t x) noexcept {
-  x ^= x >> 30U;
-  x *= 0xBF58476D1CE4E5B9ULL;
-  x ^= x >> 27U;
-  x *= 0x94D049BB133111EBULL;
-  return x ^ (x >> 31U);
-}
-constexpr std::uint64_t golden = 0x9E3779B97F4A7C15ULL;
-
-}  // namespace
 
 CropBox clip(const std::optional<CropBox>& crop, const Cell& dims) {
   CropBox box{{0, 0, 0}, dims};
@@ -98,7 +86,7 @@ bool IntensityWindow::holds(float value) const noexcept {
   return wide >= low && wide <= high && std::isfinite(value);
 }
 
-Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const IntensityWindow& window,
+Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const TissueRule& rule,
                  const Cell& pad, unsigned threads, const core::Progress& progress) {
   Occupancy occupancy(frame.size, pad);
   const auto rows = static_cast<std::size_t>(frame.size[1]);
@@ -109,7 +97,8 @@ Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const In
                    const Cell voxel = frame.voxel_of(site);
                    const float* value = volume.data() + volume.geometry().index(voxel[0], voxel[1], voxel[2]);
                    for (; site[0] < frame.size[0]; ++site[0], value += frame.stride)
-                     if (window.holds(*value)) occupancy.set(site);
+                     if (rule.window.holds(*value) && (!rule.mask || rule.mask->holds(frame.voxel_of(site))))
+                       occupancy.set(site);
                  }
                });
   occupancy.number_points();

@@ -2,10 +2,12 @@
 
 #include "palpate/core/volume.hpp"
 #include "palpate/model/generate.hpp"
+#include "palpate/model/mask.hpp"
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 namespace palpate::model {
@@ -122,8 +124,14 @@ struct IntensityWindow {
   bool holds(float value) const noexcept;
 };
 
+/// Which voxels are tissue: those of the window, within the mask where there is one.
+struct TissueRule {
+  IntensityWindow window;
+  std::optional<MaskLookup> mask;
+};
+
 /// Marks and numbers the tissue of the lattice.
-Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const IntensityWindow& window,
+Occupancy occupy(const core::Volume& volume, const LatticeFrame& frame, const TissueRule& rule,
                  const Cell& pad, unsigned threads, const core::Progress& progress);
 
 /// otsu_threshold() that can be stopped.

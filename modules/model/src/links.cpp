@@ -3,7 +3,7 @@
 #include "parallel.hpp"
 
 #include <algorithm>
-#include <atomic>
+#include <cstdlib>
 #include <memory>
 #include <mutex>
 #include <numeric>
@@ -87,10 +87,25 @@ LinkGraph collect_mutual(const PointCloud& points, const NeighbourLists& lists, 
 
 }  // namespace
 
-LinkGraph link_six(const LatticePoints& lattice, unsigned threads, const core::Progress& progress) {
-  const std::array<std::ptrdiff_t, 3> steps{lattice.occupancy.bit_step({1, 0, 0}),
-                                            lattice.occupancy.bit_step({0, 1, 0}),
-                                            lattice.occupancy.bit_step({0, 0, 1})};
+std::vector<Cell> half_stencil(LinkRule rule) {
+  const int most_axes = rule == LinkRule::six         ? 1
+                        : rule == LinkRule::lattice18 ? 2
+                        : rule == LinkRule::lattice26 ? 3
+                                                      : 0;
+  std::vector<Cell> steps;
+  for (int c = 0; c <= 1; ++c)
+    for (int b = -1; b <= 1; ++b)
+      for (int a = -1; a <= 1; ++a) {
+        const bool later = c > 0 || b > 0 || (b == 0 && a > 0);
+        if (later && std::abs(a) + std::abs(b) + c <= most_axes) steps.push_back({a, b, c});
+      }
+  return steps;
+}
+
+LinkGraph link_neighbours(const LatticePoints& lattice, const std::vector<Cell>& half_stencil,
+                          unsigned threads, const core::Progress& progress) {
+  std::vector<std::ptrdiff_t> steps;
+  for (const Cell& step : half_stencil) steps.push_back(lattice.occupancy.bit_step(step));
   return collect(lattice.points, threads, progress, [&](std::size_t point, auto& found) {
     const std::size_t bit = lattice.occupancy.bit_of(lattice.frame.site_of(lattice.points.voxels[point]));
     std::size_t count = 0;

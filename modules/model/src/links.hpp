@@ -18,7 +18,12 @@ struct LatticePoints {
   const core::ImageGeometry& geometry;
 };
 
-LinkGraph link_six(const LatticePoints& lattice, unsigned threads, const core::Progress& progress);
+/// The steps of a lattice rule (six, lattice18, lattice26) to the neighbours
+/// with a higher number, in rising order: half of all; none for `nearest`.
+std::vector<Cell> half_stencil(LinkRule rule);
+/// To the neighbours that exist.
+LinkGraph link_neighbours(const LatticePoints& lattice, const std::vector<Cell>& half_stencil,
+                          unsigned threads, const core::Progress& progress);
 LinkGraph link_mutual_nearest(const LatticePoints& lattice, const OffsetTable& table, const Metric& metric,
                               const Jitter& jitter, int max_links, unsigned threads,
                               const core::Progress& progress);

@@ -41,7 +41,9 @@ RunComponents components_of_runs(const Occupancy& occupancy, const Touch& touch,
   }
 
   UnionFind sets(runs.size());
-  const int reach = touch.corners && touch.along[0] ? 1 : 0;
+  // Rows beside each other touch along one axis already, those over a corner along two.
+  const int beside = touch.across > 1 && touch.along[0] ? 1 : 0;
+  const int over_corner = touch.across > 2 && touch.along[0] ? 1 : 0;
   const auto row = [&](int b, int c) {
     const auto n = static_cast<std::size_t>(c) * static_cast<std::size_t>(rows) + static_cast<std::size_t>(b);
     return std::array<std::size_t, 2>{first[n], first[n + 1]};
@@ -49,12 +51,12 @@ RunComponents components_of_runs(const Occupancy& occupancy, const Touch& touch,
   for (int c = 0; c < slices; ++c) {
     cancel.check();
     for (int b = 0; b < rows; ++b) {
-      if (touch.along[1] && b > 0) join_rows(runs, row(b, c), row(b - 1, c), reach, sets);
+      if (touch.along[1] && b > 0) join_rows(runs, row(b, c), row(b - 1, c), beside, sets);
       if (!touch.along[2] || c == 0) continue;
-      join_rows(runs, row(b, c), row(b, c - 1), reach, sets);
-      if (!touch.corners || !touch.along[1]) continue;
-      if (b > 0) join_rows(runs, row(b, c), row(b - 1, c - 1), reach, sets);
-      if (b + 1 < rows) join_rows(runs, row(b, c), row(b + 1, c - 1), reach, sets);
+      join_rows(runs, row(b, c), row(b, c - 1), beside, sets);
+      if (touch.across < 2 || !touch.along[1]) continue;
+      if (b > 0) join_rows(runs, row(b, c), row(b - 1, c - 1), over_corner, sets);
+      if (b + 1 < rows) join_rows(runs, row(b, c), row(b + 1, c - 1), over_corner, sets);
     }
   }
   result.points.assign(runs.size(), 0);

@@ -18,7 +18,7 @@ struct Run {
 
 /// Which sites count as touching.
 struct Touch {
-  bool corners = true;                          ///< 26 neighbours instead of 6
+  int across = 3;                               ///< axes at once: 1, 2 or 3 for 6, 18 or 26 neighbours
   std::array<bool, 3> along{true, true, true};  ///< whether points touch across this axis at all
 };
 

@@ -42,7 +42,8 @@ struct TissueParameters {
   int max_links = 12;             ///< n; ignored for six. 1..64
   std::size_t min_component = 1;  ///< components with fewer points are dropped
   /// Tissue is where this label image, by its own geometry, is `mask_label` (or
-  /// anything but 0); the threshold then counts only where it is given.
+  /// anything but 0), see MaskLookup; the threshold then counts only where it
+  /// is given.
   std::shared_ptr<const core::Volume> mask;
   std::optional<int> mask_label;
 };
@@ -57,7 +58,8 @@ double otsu_threshold(const core::Volume& volume, const std::optional<CropBox>& 
 /// distances are broken by voxel index. Uses all cores.
 /// Throws Error(usage) for parameters out of range, Error(input, "no-tissue")
 /// when no voxel lies in the range (naming the range of the volume),
-/// Error(cancelled).
+/// Error(input, "mask-outside") and Error(input, "mask-empty") for a mask that
+/// lies elsewhere or marks nothing here, Error(cancelled).
 Tissue generate(const core::Volume& volume, const TissueParameters& parameters,
                 const core::Progress& progress = {});
 

@@ -44,8 +44,12 @@ struct Tissue {
   LinkGraph links;
   core::ImageGeometry geometry;                          ///< of the source volume
   Eigen::Vector3d spacing_mm = Eigen::Vector3d::Ones();  ///< between points: voxel spacing times stride
-  int stride = 1;          ///< voxels between points
+  int stride = 1;                                        ///< voxels between points
   bool on_lattice = true;  ///< every point has a voxel of its own, `stride` voxels from the next
+  /// The first and the last voxel along each axis that could hold a point: the
+  /// borders of the image or the crop.
+  std::array<std::int32_t, 3> first_voxel{0, 0, 0};
+  std::array<std::int32_t, 3> last_voxel{0, 0, 0};
 };
 
 /// `component[p]` numbers the connected component of point p, largest first.
