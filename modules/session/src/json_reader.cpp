@@ -113,13 +113,17 @@ void ObjectReader::read(const std::string& key, std::uint64_t& value) {
 
 void ObjectReader::read_word(const std::string& key, std::size_t& index,
                              const std::vector<std::string>& words) {
-  if (!has(key)) return;
-  std::string word;
-  read(key, word);
-  const auto found = std::find(words.begin(), words.end(), word);
+  if (has(key)) index = word(at(key), place_of(key), words);
+}
+
+std::size_t ObjectReader::word(const nlohmann::json& value, const std::string& place,
+                               const std::vector<std::string>& words) {
+  if (!value.is_string()) refuse(place, "a text is needed, not " + kind_of(value) + ".");
+  const auto text = value.get<std::string>();
+  const auto found = std::find(words.begin(), words.end(), text);
   if (found == words.end())
-    refuse(place_of(key), "\"" + word + "\" is not accepted; this version has " + listed(words) + ".");
-  index = static_cast<std::size_t>(found - words.begin());
+    refuse(place, "\"" + text + "\" is not accepted; this version has " + listed(words) + ".");
+  return static_cast<std::size_t>(found - words.begin());
 }
 
 double ObjectReader::number(const nlohmann::json& value, const std::string& place, double low, double high) {

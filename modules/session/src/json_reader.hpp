@@ -37,6 +37,9 @@ class ObjectReader {
   static double number(const nlohmann::json& value, const std::string& place, double low, double high);
   static std::int64_t whole(const nlohmann::json& value, const std::string& place, std::int64_t low,
                             std::int64_t high);
+  /// The index of one of the words.
+  static std::size_t word(const nlohmann::json& value, const std::string& place,
+                          const std::vector<std::string>& words);
 
  private:
   const nlohmann::json& value_;

@@ -21,10 +21,39 @@ namespace {
 
 constexpr double largest = 1e12;
 constexpr int most_voxels = 1 << 30;
+constexpr int most_label = 1000000000;
 constexpr std::size_t largest_recipe_bytes = std::size_t{16} << 20U;
 
+/// In the order of model::LinkRule.
 const std::vector<std::string>& link_words() {
-  static const std::vector<std::string> words{"six", "nearest"};
+  static const std::vector<std::string> words{"six", "nearest", "lattice18", "lattice26"};
+  return words;
+}
+/// In the order of model::PointRule.
+const std::vector<std::string>& point_words() {
+  static const std::vector<std::string> words{"lattice", "blue-noise"};
+  return words;
+}
+/// In the order of AnchorSettings::Rule.
+const std::vector<std::string>& anchor_words() {
+  static const std::vector<std::string> words{"none", "border", "file"};
+  return words;
+}
+/// In the order of the members of IntensityScaling.
+const std::vector<std::string>& scaling_words() {
+  static const std::vector<std::string> words{"stiffness", "damping", "drag", "mass"};
+  return words;
+}
+const std::vector<simulation::LayoutChoice>& layouts() {
+  static const std::vector<simulation::LayoutChoice> choices{simulation::LayoutChoice::automatic,
+                                                             simulation::LayoutChoice::lattice,
+                                                             simulation::LayoutChoice::explicit_links};
+  return choices;
+}
+template <typename Choice>
+std::vector<std::string> words_of(const std::vector<Choice>& choices) {
+  std::vector<std::string> words;
+  for (const Choice choice : choices) words.push_back(simulation::to_string(choice));
   return words;
 }
 const std::vector<std::string>& space_words() {
@@ -49,7 +78,14 @@ json to_value(const InputSettings& input) {
           {"allow_truncated", input.allow_truncated}};
 }
 
-json to_value(const model::TissueParameters& tissue) {
+json to_value(const MaskSettings& mask) {
+  if (!mask.path) return nullptr;
+  return {{"path", mask.path->string()},
+          {"label", mask.label ? json(*mask.label) : json(nullptr)},
+          {"sha256", mask.sha256}};
+}
+
+json to_value(const model::TissueParameters& tissue, const MaskSettings& mask) {
   json crop = nullptr;
   if (tissue.crop) crop = {{"begin", tissue.crop->begin}, {"end", tissue.crop->end}};
   // JSON has no infinity: null is "no upper limit".
@@ -59,7 +95,9 @@ json to_value(const model::TissueParameters& tissue) {
           {"stride", tissue.stride},
           {"noise", tissue.noise},
           {"seed", tissue.seed},
-          {"links", link_words()[tissue.links == model::LinkRule::six ? 0 : 1]},
+          {"mask", to_value(mask)},
+          {"points", point_words()[static_cast<std::size_t>(tissue.points)]},
+          {"links", link_words()[static_cast<std::size_t>(tissue.links)]},
           {"max_links", tissue.max_links},
           {"min_component", tissue.min_component}};
 }
@@ -71,6 +109,30 @@ json to_value(const SurfaceSettings& surface) {
           {"face_budget", surface.face_budget}};
 }
 
+json to_value(const AnchorDab& dab) {
+  return {{"place_mm", {dab.place_mm.x(), dab.place_mm.y(), dab.place_mm.z()}},
+          {"radius_mm", dab.radius_mm},
+          {"frees", dab.frees}};
+}
+
+json to_value(const AnchorSettings& anchors) {
+  json painted = json::array();
+  for (const AnchorDab& dab : anchors.painted) painted.push_back(to_value(dab));
+  const bool by_file = anchors.rule == AnchorSettings::Rule::file;
+  return {{"rule", anchor_words()[static_cast<std::size_t>(anchors.rule)]},
+          {"file", by_file ? json(anchors.file.string()) : json(nullptr)},
+          {"sha256", by_file ? anchors.sha256 : std::string()},
+          {"painted", painted}};
+}
+
+json to_value(const IntensityScaling& scaling) {
+  json scaled = json::array();
+  const std::array<bool, 4> on{scaling.stiffness, scaling.damping, scaling.drag, scaling.mass};
+  for (std::size_t n = 0; n < on.size(); ++n)
+    if (on[n]) scaled.push_back(scaling_words()[n]);
+  return scaled;
+}
+
 json to_value(const SimulationSettings& simulation) {
   const auto& parameters = simulation.parameters;
   const auto& gravity = parameters.gravity_mm_per_s2;
@@ -78,7 +140,12 @@ json to_value(const SimulationSettings& simulation) {
           {"damping_per_s", parameters.damping_per_s},
           {"drag_per_s", parameters.drag_per_s},
           {"gravity_mm_per_s2", {gravity.x(), gravity.y(), gravity.z()}},
+          {"mass", parameters.mass},
+          {"beat", {{"period_s", parameters.beat_period_s}, {"amplitude", parameters.beat_amplitude}}},
           {"integrator", simulation::to_string(parameters.integrator)},
+          {"layout", simulation::to_string(simulation.layout)},
+          {"anchors", to_value(simulation.anchors)},
+          {"scale_by_intensity", to_value(simulation.scaling)},
           {"step_s", optional_number(simulation.step_s)}};
 }
 
@@ -89,7 +156,7 @@ json to_value(const Recipe& recipe) {
   return {{"version", recipe.version},
           {"input", to_value(recipe.input)},
           {"filters", filters},
-          {"tissue", to_value(recipe.tissue)},
+          {"tissue", to_value(recipe.tissue, recipe.mask)},
           {"surface", to_value(recipe.surface)},
           {"simulation", to_value(recipe.simulation)}};
 }
@@ -156,7 +223,24 @@ std::vector<imaging::FilterStep> read_filters(const json& value) {
   return chain;
 }
 
-model::TissueParameters read_tissue(ObjectReader reader) {
+MaskSettings read_mask(ObjectReader reader) {
+  MaskSettings mask;
+  std::string path;
+  reader.at("path");
+  reader.read("path", path);
+  if (path.empty()) refuse(reader.place_of("path"), "the name of a file is needed.");
+  mask.path = path;
+  if (reader.has("label")) {
+    int label = 0;
+    reader.read("label", label, -most_label, most_label);
+    mask.label = label;
+  }
+  reader.read("sha256", mask.sha256);
+  reader.finish();
+  return mask;
+}
+
+model::TissueParameters read_tissue(ObjectReader reader, MaskSettings& mask) {
   model::TissueParameters tissue;
   if (reader.has("threshold_low")) {
     double low = 0.0;
@@ -180,9 +264,17 @@ model::TissueParameters read_tissue(ObjectReader reader) {
   reader.read("stride", tissue.stride, 1, 1024);
   reader.read("noise", tissue.noise, 0.0, 0.5);
   reader.read("seed", tissue.seed);
-  std::size_t links = tissue.links == model::LinkRule::six ? 0 : 1;
+  if (reader.has("mask")) mask = read_mask(reader.object("mask"));
+  auto points = static_cast<std::size_t>(tissue.points);
+  reader.read_word("points", points, point_words());
+  tissue.points = static_cast<model::PointRule>(points);
+  auto links = static_cast<std::size_t>(tissue.links);
   reader.read_word("links", links, link_words());
-  tissue.links = links == 0 ? model::LinkRule::six : model::LinkRule::nearest;
+  tissue.links = static_cast<model::LinkRule>(links);
+  if (tissue.points == model::PointRule::blue_noise && tissue.links != model::LinkRule::nearest)
+    refuse(reader.place_of("links"),
+           "points without a lattice (blue-noise) are linked by nearest only, not by " + link_words()[links] +
+               ".");
   reader.read("max_links", tissue.max_links, 1, 64);
   std::uint64_t least = tissue.min_component;
   reader.read("min_component", least);
@@ -209,6 +301,51 @@ SurfaceSettings read_surface(ObjectReader reader) {
   return surface;
 }
 
+AnchorDab read_dab(ObjectReader reader) {
+  AnchorDab dab;
+  const auto place = read_three<double>(reader.at("place_mm"), reader.place_of("place_mm"),
+                                        [](const json& value, const std::string& at) {
+                                          return ObjectReader::number(value, at, -largest, largest);
+                                        });
+  dab.place_mm = {place[0], place[1], place[2]};
+  reader.read("radius_mm", dab.radius_mm, 0.0, largest);
+  reader.read("frees", dab.frees);
+  reader.finish();
+  return dab;
+}
+
+AnchorSettings read_anchors(ObjectReader reader) {
+  AnchorSettings anchors;
+  std::size_t rule = 0;
+  reader.read_word("rule", rule, anchor_words());
+  anchors.rule = static_cast<AnchorSettings::Rule>(rule);
+  std::string file;
+  reader.read("file", file);
+  reader.read("sha256", anchors.sha256);
+  const bool by_file = anchors.rule == AnchorSettings::Rule::file;
+  if (by_file && file.empty()) refuse(reader.place_of("file"), "the rule \"file\" needs the name of one.");
+  if (!by_file && !file.empty()) refuse(reader.place_of("file"), "only the rule \"file\" takes one.");
+  anchors.file = file;
+  if (reader.has("painted")) {
+    const json& painted = reader.at("painted");
+    const std::string place = reader.place_of("painted");
+    if (!painted.is_array()) refuse(place, "a list is needed.");
+    for (std::size_t n = 0; n < painted.size(); ++n)
+      anchors.painted.push_back(read_dab(ObjectReader(painted[n], place + "[" + std::to_string(n) + "]")));
+  }
+  reader.finish();
+  return anchors;
+}
+
+IntensityScaling read_scaling(const json& value, const std::string& place) {
+  if (!value.is_array()) refuse(place, "a list is needed.");
+  IntensityScaling scaling;
+  const std::array<bool*, 4> switches{&scaling.stiffness, &scaling.damping, &scaling.drag, &scaling.mass};
+  for (std::size_t n = 0; n < value.size(); ++n)
+    *switches[ObjectReader::word(value[n], place + "[" + std::to_string(n) + "]", scaling_words())] = true;
+  return scaling;
+}
+
 SimulationSettings read_simulation(ObjectReader reader) {
   SimulationSettings simulation;
   auto& parameters = simulation.parameters;
@@ -223,8 +360,22 @@ SimulationSettings read_simulation(ObjectReader reader) {
                            });
     parameters.gravity_mm_per_s2 = {gravity[0], gravity[1], gravity[2]};
   }
-  std::size_t integrator = 0;
-  reader.read_word("integrator", integrator, {simulation::to_string(simulation::Integrator::rk4)});
+  reader.read("mass", parameters.mass, 1e-3, 1e3);
+  if (reader.has("beat")) {
+    ObjectReader beat = reader.object("beat");
+    beat.read("period_s", parameters.beat_period_s, 0.05, 60.0);
+    beat.read("amplitude", parameters.beat_amplitude, 0.0, 0.5);
+    beat.finish();
+  }
+  if (reader.has("integrator"))
+    parameters.integrator = simulation::all_integrators()[ObjectReader::word(
+        reader.at("integrator"), reader.place_of("integrator"), words_of(simulation::all_integrators()))];
+  if (reader.has("layout"))
+    simulation.layout =
+        layouts()[ObjectReader::word(reader.at("layout"), reader.place_of("layout"), words_of(layouts()))];
+  if (reader.has("anchors")) simulation.anchors = read_anchors(reader.object("anchors"));
+  if (reader.has("scale_by_intensity"))
+    simulation.scaling = read_scaling(reader.at("scale_by_intensity"), reader.place_of("scale_by_intensity"));
   if (reader.has("step_s")) {
     double step_s = 0.0;
     reader.read("step_s", step_s, 1e-9, 1.0);
@@ -246,7 +397,7 @@ Recipe parse_recipe(const std::string& json_text) {
   reader.read("version", recipe.version, 1, 1);
   if (reader.has("input")) recipe.input = read_input(reader.object("input"));
   if (reader.has("filters")) recipe.filters = read_filters(reader.at("filters"));
-  if (reader.has("tissue")) recipe.tissue = read_tissue(reader.object("tissue"));
+  if (reader.has("tissue")) recipe.tissue = read_tissue(reader.object("tissue"), recipe.mask);
   if (reader.has("surface")) recipe.surface = read_surface(reader.object("surface"));
   if (reader.has("simulation")) recipe.simulation = read_simulation(reader.object("simulation"));
   reader.finish();
@@ -276,7 +427,20 @@ Recipe load_recipe(const fs::path& path) {
   };
   recipe.input.path = beside(recipe.input.path);
   if (recipe.surface.mesh) recipe.surface.mesh = beside(*recipe.surface.mesh);
+  const fs::path folder = path.parent_path();
+  if (recipe.mask.path) recipe.mask.path = found_beside(beside(*recipe.mask.path), folder);
+  auto& anchors = recipe.simulation.anchors.file;
+  if (!anchors.empty()) anchors = found_beside(beside(anchors), folder);
   return recipe;
+}
+
+fs::path found_beside(const fs::path& given, const fs::path& folder) {
+  std::error_code ignored;
+  if (fs::exists(given, ignored)) return given;
+  // "masks/" names the folder "masks".
+  const fs::path plain = given.has_filename() ? given : given.parent_path();
+  const fs::path beside = folder / plain.filename();
+  return fs::exists(beside, ignored) ? beside : given;
 }
 
 void save_recipe(const fs::path& path, const Recipe& recipe) {
@@ -289,13 +453,34 @@ void save_recipe(const fs::path& path, const Recipe& recipe) {
   Recipe written = recipe;
   written.input.path = beside(recipe.input.path);
   if (recipe.surface.mesh) written.surface.mesh = beside(*recipe.surface.mesh);
+  if (recipe.mask.path) written.mask.path = beside(*recipe.mask.path);
+  written.simulation.anchors.file = beside(recipe.simulation.anchors.file);
   core::write_file(path, to_json(written));
 }
 
 std::string recipe_sha256(const Recipe& recipe) {
   json value = to_value(recipe);
   value["input"].erase("path");
+  if (recipe.mask.path) value["tissue"]["mask"].erase("path");
+  value["simulation"]["anchors"].erase("file");
   return sha256_of(text_of(value));
+}
+
+std::vector<core::Warning> note_label_checksums(Recipe& recipe, const core::Progress& progress) {
+  std::vector<core::Warning> warnings;
+  const auto note = [&](const fs::path& path, std::string& noted, const std::string& code,
+                        const core::Progress& part) {
+    const std::string sum = file_sha256(path, part);
+    if (!noted.empty() && noted != sum)
+      warnings.push_back(
+          {code, path.string() + " is not the file that the recipe was made with: its checksum differs."});
+    noted = sum;
+  };
+  if (recipe.mask.path) note(*recipe.mask.path, recipe.mask.sha256, "mask-changed", progress.part(0.0, 0.5));
+  auto& anchors = recipe.simulation.anchors;
+  if (anchors.rule == AnchorSettings::Rule::file)
+    note(anchors.file, anchors.sha256, "anchors-changed", progress.part(0.5, 1.0));
+  return warnings;
 }
 
 }  // namespace palpate::session

@@ -214,6 +214,10 @@ LoadedSession parse_session(const std::string& text, const fs::path& folder) {
   session.recipe.input.path = loaded.places.front();
   auto& mesh = session.recipe.surface.mesh;
   if (mesh) mesh = (folder / *mesh).lexically_normal();
+  auto& mask = session.recipe.mask.path;
+  if (mask) mask = found_beside((folder / *mask).lexically_normal(), folder);
+  auto& anchors = session.recipe.simulation.anchors.file;
+  if (!anchors.empty()) anchors = found_beside((folder / anchors).lexically_normal(), folder);
   return loaded;
 }
 
@@ -224,6 +228,9 @@ std::string to_json(const Session& session, const fs::path& folder) {
   written.recipe.input.path = relative_to(session.recipe.input.path, folder);
   if (session.recipe.surface.mesh)
     written.recipe.surface.mesh = relative_to(*session.recipe.surface.mesh, folder);
+  if (session.recipe.mask.path) written.recipe.mask.path = relative_to(*session.recipe.mask.path, folder);
+  auto& anchors = written.recipe.simulation.anchors.file;
+  anchors = relative_to(anchors, folder);
   json value{{"kind", kind_word},
              {"version", current_version},
              {"recipe", json::parse(to_json(written.recipe))},

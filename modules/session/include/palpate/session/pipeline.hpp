@@ -20,8 +20,12 @@ struct BuiltTissue {
   model::TissueStatistics statistics;
   simulation::StableStep stable_step;
   simulation::Material material;  ///< factors and anchors by the recipe's settings
-  double threshold_low = 0.0;     ///< that was used
-  double build_s = 0.0;        ///< points and links
+  /// That was used; for a mask without a threshold, the tissue's least intensity.
+  double threshold_low = 0.0;
+  std::shared_ptr<const core::Volume> mask;  ///< as it was used; null without one
+  /// For people: "no-anchors", "all-anchored", "labels-placed".
+  std::vector<core::Warning> warnings;
+  double build_s = 0.0;  ///< points and links
 };
 struct BoundSurface {
   std::shared_ptr<const core::TriangleMesh> mesh;  ///< null where unmapped
@@ -46,7 +50,11 @@ Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe,
 BuiltTissue build_tissue(const core::Volume& filtered, const Recipe& recipe,
                          const core::Progress& progress = {});
 /// The material of a tissue by the settings; reads the anchors' file.
-/// Throws Error(input) where it cannot be read or does not fit the tissue.
+/// Factors are 0.5 + (I - Imin)/(Imax - Imin) over the tissue's intensities.
+/// The border is the first and the last plane of points along each axis, or
+/// without a lattice a layer as thick; an axis with fewer than three planes has
+/// none. Throws Error(input) where the file cannot be read, "anchors-outside"
+/// where none of its labels meets tissue.
 simulation::Material material_of(const model::Tissue& tissue, const SimulationSettings& settings,
                                  const core::Progress& progress = {});
 BoundSurface build_surface(const core::Volume& filtered, const BuiltTissue& tissue, const Recipe& recipe,

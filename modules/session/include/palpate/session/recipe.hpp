@@ -3,6 +3,7 @@
 #include "palpate/imaging/filters.hpp"
 #include "palpate/imaging/reader.hpp"
 #include "palpate/model/generate.hpp"
+#include "palpate/session/anchors.hpp"
 #include "palpate/simulation/parameters.hpp"
 #include "palpate/simulation/solver.hpp"
 #include "palpate/surface/extract.hpp"
@@ -35,11 +36,14 @@ struct SurfaceSettings {
 struct MaskSettings {
   std::optional<std::filesystem::path> path;
   std::optional<int> label;  ///< any but 0 where absent
+  std::string sha256;        ///< of the file or folder; empty until known
 };
 /// Which points never move.
 struct AnchorSettings {
   enum class Rule { none, border, file } rule = Rule::none;
-  std::filesystem::path file;  ///< a label image: where it is not 0
+  std::filesystem::path file;      ///< a label image: where it is not 0
+  std::string sha256;              ///< of the file or folder; empty until known
+  std::vector<AnchorDab> painted;  ///< by hand, over what the rule gives
 };
 /// What is scaled by the intensity of a point's voxel.
 struct IntensityScaling {
@@ -68,10 +72,19 @@ struct Recipe {
 std::string to_json(const Recipe& recipe);
 /// Throws Error(usage) with the place of what does not fit, also for unknown keys.
 Recipe parse_recipe(const std::string& json_text);
-Recipe load_recipe(const std::filesystem::path& path);  ///< relative paths are beside the file
+/// Relative paths are beside the file; so is a mask or an anchors' file that is
+/// gone from where it was.
+Recipe load_recipe(const std::filesystem::path& path);
 void save_recipe(const std::filesystem::path& path, const Recipe& recipe);
-/// SHA-256 of to_json() without the input's path, in hex.
+/// The same for recipes in other files: an existing `given`, else a file of its
+/// name in `folder` where there is one, else `given`.
+std::filesystem::path found_beside(const std::filesystem::path& given, const std::filesystem::path& folder);
+/// SHA-256 of to_json() without the paths of the input, the mask and the anchors, in hex.
 std::string recipe_sha256(const Recipe& recipe);
+/// Notes the checksums of the mask and of the anchors' file, where there are
+/// any. Warnings "mask-changed" and "anchors-changed" where another was noted.
+/// Throws Error(input) for what cannot be read.
+std::vector<core::Warning> note_label_checksums(Recipe& recipe, const core::Progress& progress = {});
 /// SHA-256 of a file, or of a folder's sorted names and contents but its session files.
 std::string file_sha256(const std::filesystem::path& path, const core::Progress& progress = {});
 
