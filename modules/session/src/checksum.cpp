@@ -5,9 +5,7 @@
 #include "palpate/session/session_file.hpp"
 
 #include <algorithm>
-#include <array>
 #include <fstream>
-#include <openssl/evp.h>
 #include <system_error>
 #include <vector>
 
@@ -59,36 +57,6 @@ std::vector<fs::path> sorted_files(const fs::path& folder) {
 }
 
 }  // namespace
-
-Sha256::Sha256() : context_(EVP_MD_CTX_new(), [](evp_md_ctx_st* context) { EVP_MD_CTX_free(context); }) {
-  if (context_ == nullptr || EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr) != 1)
-    throw Error(ErrorKind::internal, "checksum", "SHA-256 of the system's libcrypto cannot be used.");
-}
-
-void Sha256::add(const void* bytes, std::size_t count) {
-  if (EVP_DigestUpdate(context_.get(), bytes, count) != 1)
-    throw Error(ErrorKind::internal, "checksum", "The system's libcrypto failed while making a checksum.");
-}
-
-std::string Sha256::hex() {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  unsigned length = 0;
-  if (EVP_DigestFinal_ex(context_.get(), digest.data(), &length) != 1)
-    throw Error(ErrorKind::internal, "checksum", "The system's libcrypto failed while making a checksum.");
-  constexpr std::array<char, 17> digits{"0123456789abcdef"};
-  std::string text;
-  for (unsigned n = 0; n < length; ++n) {
-    text += digits[digest[n] >> 4U];
-    text += digits[digest[n] & 15U];
-  }
-  return text;
-}
-
-std::string sha256_of(const std::string& text) {
-  Sha256 sum;
-  sum.add(text.data(), text.size());
-  return sum.hex();
-}
 
 std::string file_sha256(const fs::path& path, const core::Progress& progress) {
   std::error_code error;
