@@ -19,6 +19,8 @@ int main(int argc, char** argv) {
 
   const palpate::testing::TemporaryFolder home;
   setenv("POCL_CACHE_DIR", home.path().c_str(), 0);
+  setenv("PALPATE_CACHE_DIR", home.path().c_str(), 0);
+  for (const char* part : {"PALPATE_PROBE", "PALPATE_KERNEL_CACHE", "PALPATE_TUNING"}) setenv(part, "off", 0);
   setenv("XDG_CONFIG_HOME", home.path().c_str(), 1);
   setenv("XDG_RUNTIME_DIR", home.path().c_str(), 0);
   setenv("QT_QPA_PLATFORM", "xcb", 1);

@@ -1,6 +1,7 @@
 #include "palpate/compute/kernel_library.hpp"
 
 #include "embedded_kernels.hpp"
+#include "kernel_cache.hpp"
 #include "opencl.hpp"
 
 #include "palpate/core/error.hpp"
@@ -46,8 +47,102 @@ std::string first_error(const std::string& log) {
 
 }  // namespace
 
+/// A program that was built, by kernels in use. One that came from its source
+/// is kept on disk when the last of them is done: drivers compile parts of it
+/// at the first run only, and what they have by then is in the binary.
+struct BuiltProgram {
+  Device device;
+  std::string options;
+  std::string source;
+  OwnedProgram program;
+  std::string key_to_store;  ///< empty: it is there already, or not to be kept
+
+  BuiltProgram(Device on, std::string with, std::string text)
+      : device(std::move(on)), options(std::move(with)), source(std::move(text)) {}
+  BuiltProgram(const BuiltProgram&) = delete;
+  BuiltProgram& operator=(const BuiltProgram&) = delete;
+  ~BuiltProgram() {
+    try {
+      store();
+    } catch (...) {
+      return;  // slower next time, not wrong
+    }
+  }
+
+ private:
+  void store() const {
+    if (key_to_store.empty() || program.get() == nullptr) return;
+    const auto cache = KernelCache::of_environment();
+    std::size_t size = 0;
+    if (!cache ||
+        clGetProgramInfo(program.get(), CL_PROGRAM_BINARY_SIZES, sizeof(size), &size, nullptr) != 0 ||
+        size == 0)
+      return;
+    std::string binary(size, '\0');
+    char* target = binary.data();
+    if (clGetProgramInfo(program.get(), CL_PROGRAM_BINARIES, sizeof(target), &target, nullptr) == CL_SUCCESS)
+      cache->store(key_to_store, binary);
+  }
+};
+
+namespace {
+
+/// From the bytes of the disk cache; false where the driver does not take them.
+bool take_binary(BuiltProgram& built, const std::string& binary) {
+  const Device::Impl& device = built.device.impl();
+  const auto* bytes = reinterpret_cast<const unsigned char*>(binary.data());
+  const std::size_t size = binary.size();
+  cl_int status = CL_SUCCESS;
+  cl_int code = CL_SUCCESS;
+  OwnedProgram program(
+      clCreateProgramWithBinary(device.context.get(), 1, &device.device, &size, &bytes, &status, &code));
+  if (code != CL_SUCCESS || status != CL_SUCCESS) return false;
+  if (clBuildProgram(program.get(), 1, &device.device, built.options.c_str(), nullptr, nullptr) != CL_SUCCESS)
+    return false;
+  built.program = std::move(program);
+  return true;
+}
+
+void compile(BuiltProgram& built, const std::string& file) {
+  const Device::Impl& device = built.device.impl();
+  const char* data = built.source.c_str();
+  const std::size_t size = built.source.size();
+  cl_int code = CL_SUCCESS;
+  built.program = OwnedProgram(clCreateProgramWithSource(device.context.get(), 1, &data, &size, &code));
+  check(code, "clCreateProgramWithSource", file + " (" + std::to_string(size) + " bytes)");
+  code = clBuildProgram(built.program.get(), 1, &device.device, built.options.c_str(), nullptr, nullptr);
+  if (code == CL_SUCCESS) return;
+  const std::string log = build_log(built.program.get(), device.device);
+  throw core::Error(core::ErrorKind::device, "kernel-build",
+                    "The driver of " + device.info.name + " could not build the kernels of " + file + " (" +
+                        code_name(code) + "): " + first_error(log) +
+                        " Try another device, or update its driver.",
+                    "options: " + built.options + "\n" + log);
+}
+
+/// From the disk where it is there and good, else from its source.
+std::shared_ptr<BuiltProgram> built_program(const Device& device, const std::string& options,
+                                            const std::string& source, const std::string& file,
+                                            const std::string& kernel) {
+  auto built = std::make_shared<BuiltProgram>(device, options, source);
+  const auto cache = KernelCache::of_environment();
+  const std::string key = cache ? KernelCache::key(source, options, device.info()) : std::string();
+  if (const auto binary = cache ? cache->find(key) : std::nullopt; binary && take_binary(*built, *binary)) {
+    // A binary that lost its kernels is as bad as one that is refused.
+    cl_int code = CL_SUCCESS;
+    const OwnedKernel there(clCreateKernel(built->program.get(), kernel.c_str(), &code));
+    if (code == CL_SUCCESS) return built;
+  }
+  compile(*built, file);
+  built->key_to_store = key;
+  return built;
+}
+
+}  // namespace
+
 struct Kernel::Impl {
   Device device;
+  std::shared_ptr<BuiltProgram> program;
   std::string name;
   OwnedKernel kernel;
   std::size_t largest_group = 1;
@@ -85,12 +180,6 @@ void Kernel::run(std::size_t work_items, std::size_t work_group) const {
         std::to_string(rounded) + " work-items (groups of " + std::to_string(group) + ") of kernel " +
             impl_->name);
 }
-
-struct KernelLibrary::Program {
-  std::string options;
-  std::string source;
-  OwnedProgram program;
-};
 
 namespace {
 
@@ -138,28 +227,12 @@ Kernel KernelLibrary::build(const std::string& file, const std::string& kernel,
   auto found = std::find_if(programs_.begin(), programs_.end(), [&](const auto& program) {
     return program->options == options && program->source == text;
   });
-  cl_int code = CL_SUCCESS;
   if (found == programs_.end()) {
-    auto program = std::make_shared<Program>();
-    const char* data = text.c_str();
-    const std::size_t size = text.size();
-    program->program = OwnedProgram(clCreateProgramWithSource(device.context.get(), 1, &data, &size, &code));
-    check(code, "clCreateProgramWithSource", file + " (" + std::to_string(size) + " bytes)");
-    code = clBuildProgram(program->program.get(), 1, &device.device, options.c_str(), nullptr, nullptr);
-    if (code != CL_SUCCESS) {
-      const std::string log = build_log(program->program.get(), device.device);
-      throw core::Error(core::ErrorKind::device, "kernel-build",
-                        "The driver of " + device.info.name + " could not build the kernels of " + file +
-                            " (" + code_name(code) + "): " + first_error(log) +
-                            " Try another device, or update its driver.",
-                        "options: " + options + "\n" + log);
-    }
-    program->options = options;
-    program->source = text;
-    programs_.push_back(std::move(program));
+    programs_.push_back(built_program(device_, options, text, file, kernel));
     found = std::prev(programs_.end());
   }
-  auto impl = std::make_unique<Kernel::Impl>(Kernel::Impl{device_, kernel, OwnedKernel(), 1});
+  cl_int code = CL_SUCCESS;
+  auto impl = std::make_unique<Kernel::Impl>(Kernel::Impl{device_, *found, kernel, OwnedKernel(), 1});
   impl->kernel = OwnedKernel(clCreateKernel((*found)->program.get(), kernel.c_str(), &code));
   check(code, "clCreateKernel", "kernel " + kernel + " of " + file);
   check(clGetKernelWorkGroupInfo(impl->kernel.get(), device.device, CL_KERNEL_WORK_GROUP_SIZE,

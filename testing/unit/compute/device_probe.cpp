@@ -8,7 +8,10 @@
 
 int main(int argc, char** argv) {
   try {
-    std::cout << "devices " << palpate::compute::list_devices().size() << "\n";
+    const auto devices = palpate::compute::list_devices();
+    std::cout << "devices " << devices.size() << "\n";
+    for (const auto& device : devices)
+      if (!device.usable) std::cout << "unusable " << device.name << ": " << device.reason << std::endl;
     std::cout << "opened " << palpate::compute::open_device(argc > 1 ? argv[1] : "").info().index << "\n";
     return 0;
   } catch (const palpate::core::Error& error) {

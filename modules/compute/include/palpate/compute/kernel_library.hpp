@@ -44,6 +44,9 @@ class Kernel {
   std::unique_ptr<Impl> impl_;
 };
 
+/// A program of a device; only src/ of this module sees inside.
+struct BuiltProgram;
+
 /// Builds the .cl files of kernels/. They are embedded in the program; a
 /// folder in PALPATE_KERNEL_DIR takes precedence, file by file (development).
 class KernelLibrary {
@@ -53,7 +56,9 @@ class KernelLibrary {
   /// file: "explicit.cl" and so on. defines: {"LINKS_PER_POINT=12", ...};
   /// an entry that begins with '-' goes to the compiler as it is
   /// ("-cl-fast-relaxed-math"). VECTOR_WIDTH is always defined: the device's
-  /// float_vector_width.
+  /// float_vector_width. What was built is kept on disk (cache_folder()) when
+  /// the last of its kernels goes, and taken from there the next time; a
+  /// damaged or refused file is built anew. PALPATE_KERNEL_CACHE=off: neither.
   /// Throws Error(device, "kernel-build") with the compiler's log in details()
   /// and its first error in the text.
   Kernel build(const std::string& file, const std::string& kernel,
@@ -65,9 +70,8 @@ class KernelLibrary {
   static std::string source(const std::string& file);
 
  private:
-  struct Program;
   Device device_;
-  std::vector<std::shared_ptr<Program>> programs_;  ///< one per file and defines
+  std::vector<std::shared_ptr<BuiltProgram>> programs_;  ///< one per file and defines
 };
 
 }  // namespace palpate::compute
