@@ -10,6 +10,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 namespace palpate::cli {
 namespace {
@@ -19,7 +20,8 @@ struct Counted {
   model::TissueStatistics statistics;
   double stable_step_s = 0.0;
   double build_s = 0.0;
-  double threshold_low = 0.0;
+  std::optional<double> threshold_low;  ///< none where a mask alone says what tissue is
+  bool on_lattice = true;
   bool estimated = false;
 };
 
@@ -38,7 +40,8 @@ Json to_json(const Counted& counted) {
   object["stable_step_s"] = number(counted.stable_step_s);
   object["bytes"] = statistics.bytes;
   object["build_s"] = number(counted.build_s);
-  object["threshold_low"] = number(counted.threshold_low);
+  object["threshold_low"] = counted.threshold_low ? number(*counted.threshold_low) : Json(nullptr);
+  object["on_lattice"] = counted.on_lattice;
   object["estimated"] = counted.estimated;
   return object;
 }
@@ -47,7 +50,8 @@ Table table_of(const Counted& counted) {
   const auto& statistics = counted.statistics;
   const std::string about = counted.estimated ? "about " : "";
   Table table;
-  table.emplace_back("Threshold", shown(counted.threshold_low) + " and above");
+  table.emplace_back("Threshold", counted.threshold_low ? shown(*counted.threshold_low) + " and above"
+                                                        : std::string("none: all of the mask"));
   table.emplace_back("Points", shown_count(statistics.points));
   table.emplace_back("Links", about + shown_count(statistics.links) + ", " +
                                   shown(statistics.mean_links_per_point, 3) + " a point (" +
@@ -64,12 +68,21 @@ Table table_of(const Counted& counted) {
   return table;
 }
 
+std::optional<double> threshold_of(const session::Recipe& recipe, double used) {
+  if (recipe.mask.path && !recipe.tissue.threshold_low) return std::nullopt;
+  return used;
+}
+
 Counted estimated(ScanOptions& scan, Console& console, const core::Progress& progress) {
   const auto prepared = prepare_volume(scan, console, progress.part(0.0, 0.5));
   const auto start = std::chrono::steady_clock::now();
   const auto estimate = session::estimate_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 1.0));
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
-  return {estimate.tissue.statistics, estimate.stable_step.step_s, wall.count(), estimate.threshold_low,
+  return {estimate.tissue.statistics,
+          estimate.stable_step.step_s,
+          wall.count(),
+          threshold_of(scan.recipe, estimate.threshold_low),
+          estimate.tissue.sample.on_lattice,
           estimate.tissue.sampled};
 }
 
@@ -82,7 +95,7 @@ int run_model(const Call& call) {
   bool estimate = false;
   OptionSet options(
       "model", "model [options] PATH [-o OUT.vtp]",
-      "Makes tissue of a scan: a point mass for each voxel of the threshold range, joined by links.");
+      "Makes tissue of a scan: a point mass for each voxel of a threshold range or a mask, joined by links.");
   options.positional("PATH", 1, scan.paths);
   options.text("-o", "OUT.vtp", "writes points and links", output);
   options.flag("--estimate", "counts from a sample without building; the points are exact", estimate);
@@ -90,6 +103,7 @@ int run_model(const Call& call) {
   add_tissue_options(options, scan);
   add_common(options, common);
   options.example("palpate-cli model data/sample-heart.mha --threshold 80 --min-component 100 -o heart.vtp");
+  options.example("palpate-cli model scan.mha --mask labels.mha:2 --links lattice18");
   if (parse_or_help(options, call)) return 0;
   scan.filter_options.device = common.device;
   take_path(scan, "model");
@@ -110,8 +124,12 @@ int run_model(const Call& call) {
     progress.report(0.9, "Writing");
     surface::save_points(output, *prepared.tissue.tissue, prepared.tissue.tissue->points.positions_mm);
   }
-  const Counted counted{prepared.tissue.statistics, prepared.tissue.stable_step.step_s,
-                        prepared.tissue.build_s, prepared.tissue.threshold_low, false};
+  const Counted counted{prepared.tissue.statistics,
+                        prepared.tissue.stable_step.step_s,
+                        prepared.tissue.build_s,
+                        threshold_of(scan.recipe, prepared.tissue.threshold_low),
+                        prepared.tissue.tissue->on_lattice,
+                        false};
   call.console.result(to_json(counted), "Tissue of " + scan.recipe.input.path.string(), table_of(counted));
   return 0;
 }

@@ -62,6 +62,25 @@ void parse_threshold(const std::string& text, model::TissueParameters& tissue) {
     core::throw_usage("the upper threshold lies below the lower one in \"" + text + "\".");
 }
 
+/// FILE, or FILE:LABEL where no file is called all of that.
+session::MaskSettings parse_mask(const std::string& text) {
+  if (text.empty()) core::throw_usage("FILE or FILE:LABEL is needed; an empty name is not accepted.");
+  session::MaskSettings mask;
+  mask.path = text;
+  std::error_code ignored;
+  const auto colon = text.rfind(':');
+  if (colon == std::string::npos || colon == 0 || std::filesystem::exists(text, ignored)) return mask;
+  const std::string label = text.substr(colon + 1);
+  const std::string digits = label.rfind('-', 0) == 0 ? label.substr(1) : label;
+  if (digits.empty() || digits.find_first_not_of("0123456789") != std::string::npos) return mask;
+  constexpr int most = 1000000000;
+  mask.label = static_cast<int>(parse_whole(label, -most, most));
+  mask.path = text.substr(0, colon);
+  return mask;
+}
+
+const std::vector<std::string> link_words{"six", "nearest", "lattice18", "lattice26"};
+
 }  // namespace
 
 void add_reading_options(OptionSet& options, ScanOptions& scan) {
@@ -101,8 +120,19 @@ void add_scan_options(OptionSet& options, ScanOptions& scan) {
 void add_tissue_options(OptionSet& options, ScanOptions& scan) {
   auto& tissue = scan.recipe.tissue;
   options.section("Tissue");
-  options.value("--threshold", "LOW[:HIGH]", "voxels that are tissue (default: Otsu's threshold and above)",
+  options.value("--threshold", "LOW[:HIGH]",
+                "voxels that are tissue (default: Otsu's threshold and above, or all of the mask)",
                 [&](const std::string& text) { parse_threshold(text, tissue); });
+  options.value("--mask", "FILE[:LABEL]",
+                "a label image: tissue is where it has this label, or any but 0; with --threshold, both",
+                [&](const std::string& text) { scan.recipe.mask = parse_mask(text); });
+  options.value("--points", "lattice|blue-noise",
+                "a point a voxel, or as many spread evenly without a lattice (default lattice)",
+                [&](const std::string& text) {
+                  const auto word = parse_choice(text, {"lattice", "blue-noise"});
+                  tissue.points =
+                      word == "lattice" ? model::PointRule::lattice : model::PointRule::blue_noise;
+                });
   options.value(
       "--stride", "N", "every N-th voxel along each axis (default 1)",
       [&](const std::string& text) { tissue.stride = static_cast<int>(parse_whole(text, 1, 1024)); });
@@ -110,26 +140,32 @@ void add_tissue_options(OptionSet& options, ScanOptions& scan) {
                 [&](const std::string& text) { tissue.noise = parse_number(text, 0.0, 0.5); });
   options.value("--seed", "S", "of the random shift (default 1)",
                 [&](const std::string& text) { tissue.seed = parse_seed(text); });
-  options.value("--links", "six|nearest", "axis neighbours, or mutual nearest points (default nearest)",
+  options.value("--links", "six|nearest|lattice18|lattice26",
+                "mutual nearest points, or the 6, 18 or 26 neighbours on the lattice (default nearest)",
                 [&](const std::string& text) {
-                  const auto word = parse_choice(text, {"six", "nearest"}, {"lattice18", "lattice26"});
-                  tissue.links = word == "six" ? model::LinkRule::six : model::LinkRule::nearest;
+                  const auto word = parse_choice(text, link_words);
+                  const auto place = std::find(link_words.begin(), link_words.end(), word);
+                  tissue.links = static_cast<model::LinkRule>(place - link_words.begin());
                 });
   options.value(
-      "--max-links", "N", "nearest points that count, 1 to 64 (default 12)",
+      "--max-links", "N", "nearest points that count for --links nearest, 1 to 64 (default 12)",
       [&](const std::string& text) { tissue.max_links = static_cast<int>(parse_whole(text, 1, 64)); });
   options.value("--min-component", "N", "pieces with fewer points are dropped (default 1)",
                 [&](const std::string& text) {
                   tissue.min_component =
                       static_cast<std::size_t>(parse_whole(text, 0, std::int64_t{1} << 40));
                 });
-  options.later({"--mask"});
 }
 
 void take_path(ScanOptions& scan, const std::string& command) {
   if (!scan.paths.empty()) scan.recipe.input.path = scan.paths.front();
   if (scan.recipe.input.path.empty())
     core::throw_usage(command + " needs a scan: a file or a folder. See palpate-cli " + command + " --help.");
+  const auto& tissue = scan.recipe.tissue;
+  if (tissue.points == model::PointRule::blue_noise && tissue.links != model::LinkRule::nearest)
+    core::throw_usage(
+        "--links: points without a lattice (--points blue-noise) are linked by nearest only, not by " +
+        link_words[static_cast<std::size_t>(tissue.links)] + ".");
 }
 
 imaging::ReadOptions read_options(const ScanOptions& scan) {
@@ -166,7 +202,10 @@ Prepared prepare_volume(ScanOptions& scan, Console& console, const core::Progres
 
 Prepared prepare_tissue(ScanOptions& scan, Console& console, const core::Progress& progress) {
   Prepared prepared = prepare_volume(scan, console, progress.part(0.0, 0.5));
-  prepared.tissue = session::build_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 1.0));
+  prepared.tissue = session::build_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 0.97));
+  console.warn(prepared.tissue.warnings);
+  // After reading, so that a missing file is told in the reader's words.
+  console.warn(session::note_label_checksums(scan.recipe, progress.part(0.97, 1.0)));
   return prepared;
 }
 

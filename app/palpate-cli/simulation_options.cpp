@@ -13,6 +13,71 @@ namespace {
 constexpr long standard_steps = 100;
 const std::vector<std::string> mesh_endings{".vtp", ".stl", ".ply", ".obj"};
 
+session::AnchorSettings parse_anchors(const std::string& text) {
+  session::AnchorSettings anchors;
+  if (text == "none") return anchors;
+  if (text == "border") {
+    anchors.rule = session::AnchorSettings::Rule::border;
+    return anchors;
+  }
+  std::error_code ignored;
+  // A word that is no file is a slip of the pen; a path is for the reader to miss.
+  if (text.find_first_of("./") == std::string::npos && !std::filesystem::exists(text, ignored))
+    core::throw_usage("none, border or the file of a label image is needed; there is no file \"" + text +
+                      "\".");
+  anchors.rule = session::AnchorSettings::Rule::file;
+  anchors.file = text;
+  return anchors;
+}
+
+session::IntensityScaling parse_scaling(const std::string& text) {
+  session::IntensityScaling scaling;
+  if (text == "none") return scaling;
+  for (const auto& word : split(text, ',')) {
+    parse_choice(word, {"stiffness", "damping", "drag", "mass", "none"});
+    if (word == "none") core::throw_usage("\"none\" stands alone; it cannot be joined with others.");
+    scaling.stiffness |= word == "stiffness";
+    scaling.damping |= word == "damping";
+    scaling.drag |= word == "drag";
+    scaling.mass |= word == "mass";
+  }
+  return scaling;
+}
+
+void parse_beat(const std::string& text, simulation::Parameters& parameters) {
+  const auto parts = split(text, ':');
+  if (parts.size() != 2)
+    core::throw_usage("PERIOD:AMPLITUDE is needed, such as 0.8:0.1, not \"" + text + "\".");
+  parameters.beat_period_s = parse_number(parts[0], 0.05, 60.0, "s");
+  parameters.beat_amplitude = parse_number(parts[1], 0.0, 0.5);
+}
+
+std::vector<std::string> integrator_words() {
+  std::vector<std::string> words;
+  for (const auto integrator : simulation::all_integrators())
+    words.push_back(simulation::to_string(integrator));
+  return words;
+}
+
+/// What is not alike everywhere, or changes with time.
+void add_material_options(OptionSet& options, simulation::Parameters& parameters,
+                          session::SimulationSettings& settings) {
+  options.value("--mass", "M", "of every point, in units of the usual one, 0.001 to 1000 (default 1)",
+                [&](const std::string& text) { parameters.mass = parse_number(text, 1e-3, 1e3); });
+  options.value("--scale-by-intensity", "stiffness|damping|drag|mass|none",
+                "multiplied by 0.5 to 1.5 from the darkest to the brightest tissue; several with commas "
+                "(default none)",
+                [&](const std::string& text) { settings.scaling = parse_scaling(text); });
+  options.value("--anchor", "none|border|FILE",
+                "points that never move: on the image's or crop's border, or where a label image is not 0 "
+                "(default none)",
+                [&](const std::string& text) { settings.anchors = parse_anchors(text); });
+  options.value("--beat", "PERIOD:AMPLITUDE",
+                "rest lengths shorten and recover each PERIOD (0.05 to 60 s), by up to AMPLITUDE (0 to 0.5) "
+                "of them (default: no beat)",
+                [&](const std::string& text) { parse_beat(text, parameters); });
+}
+
 void add_physics_options(OptionSet& options, simulation::Parameters& parameters,
                          session::SimulationSettings& settings) {
   options.section("Simulation");
@@ -26,13 +91,16 @@ void add_physics_options(OptionSet& options, simulation::Parameters& parameters,
     const auto gravity = parse_three(text, -1e6, 1e6);
     parameters.gravity_mm_per_s2 = {gravity[0], gravity[1], gravity[2]};
   });
-  options.value("--integrator", "rk4", "the way time is stepped (default rk4)", [](const std::string& text) {
-    parse_choice(text, {"rk4"}, {"verlet", "symplectic-euler", "euler"});
-  });
-  options.value("--layout", "auto|explicit", "how links lie in memory (default auto)",
-                [](const std::string& text) {
-                  parse_choice(text, {"auto", "explicit"}, {"lattice"});
+  add_material_options(options, parameters, settings);
+  options.value("--integrator", "NAME", join(integrator_words(), ", ") + " (default rk4)",
+                [&](const std::string& text) {
+                  parameters.integrator = simulation::integrator_of(parse_choice(text, integrator_words()));
                 });
+  options.value(
+      "--layout", "auto|lattice|explicit", "how links lie in memory; the motion is the same (default auto)",
+      [&](const std::string& text) {
+        settings.layout = simulation::layout_of(parse_choice(text, {"auto", "lattice", "explicit"}));
+      });
   options.value("--step", "H|auto", "time step in s, up to 1 (default auto: below the largest stable one)",
                 [&](const std::string& text) {
                   if (text == "auto")
@@ -40,7 +108,7 @@ void add_physics_options(OptionSet& options, simulation::Parameters& parameters,
                   else
                     settings.step_s = parse_number(text, 1e-9, 1.0, "s, or auto,");
                 });
-  options.later({"--anchor", "--scale-by-intensity", "--beat", "--displacement"});
+  options.later({"--displacement"});
 }
 
 }  // namespace

@@ -36,7 +36,10 @@ session::Recipe unusual_recipe() {
   recipe.tissue.stride = 2;
   recipe.tissue.noise = 0.25;
   recipe.tissue.seed = 18446744073709551615U;
-  recipe.tissue.links = model::LinkRule::six;
+  recipe.tissue.links = model::LinkRule::lattice18;
+  recipe.mask.path = "masks/heart.nii.gz";
+  recipe.mask.label = -3;
+  recipe.mask.sha256 = std::string(64, 'c');
   recipe.tissue.max_links = 18;
   recipe.tissue.min_component = 100;
   recipe.surface.mapped = false;
@@ -48,6 +51,16 @@ session::Recipe unusual_recipe() {
   recipe.simulation.parameters.drag_per_s = 0.01;
   recipe.simulation.parameters.gravity_mm_per_s2 = {1, -2, 9810};
   recipe.simulation.step_s = 0.001;
+  recipe.simulation.parameters.integrator = palpate::simulation::Integrator::implicit_euler;
+  recipe.simulation.parameters.mass = 2.5;
+  recipe.simulation.parameters.beat_period_s = 0.8;
+  recipe.simulation.parameters.beat_amplitude = 0.2;
+  recipe.simulation.layout = palpate::simulation::LayoutChoice::explicit_links;
+  recipe.simulation.anchors.rule = session::AnchorSettings::Rule::file;
+  recipe.simulation.anchors.file = "masks/fixed.mha";
+  recipe.simulation.anchors.sha256 = std::string(64, 'd');
+  recipe.simulation.anchors.painted = {{{1, -2, 3.5}, 4.0, false}, {{0, 0, 1}, 2.0, true}};
+  recipe.simulation.scaling.damping = recipe.simulation.scaling.mass = true;
   return recipe;
 }
 
@@ -93,7 +106,64 @@ TEST(Recipe, EveryParameterSurvivesTheText) {
   EXPECT_EQ(read.simulation.parameters.drag_per_s, recipe.simulation.parameters.drag_per_s);
   EXPECT_EQ(read.simulation.parameters.gravity_mm_per_s2, recipe.simulation.parameters.gravity_mm_per_s2);
   EXPECT_EQ(read.simulation.step_s, recipe.simulation.step_s);
+  EXPECT_EQ(read.mask.path, recipe.mask.path);
+  EXPECT_EQ(read.mask.label, recipe.mask.label);
+  EXPECT_EQ(read.mask.sha256, recipe.mask.sha256);
+  const auto& simulation = read.simulation;
+  EXPECT_EQ(simulation.parameters.integrator, recipe.simulation.parameters.integrator);
+  EXPECT_EQ(simulation.parameters.mass, recipe.simulation.parameters.mass);
+  EXPECT_EQ(simulation.parameters.beat_period_s, recipe.simulation.parameters.beat_period_s);
+  EXPECT_EQ(simulation.parameters.beat_amplitude, recipe.simulation.parameters.beat_amplitude);
+  EXPECT_EQ(simulation.layout, recipe.simulation.layout);
+  EXPECT_EQ(simulation.anchors.rule, recipe.simulation.anchors.rule);
+  EXPECT_EQ(simulation.anchors.file, recipe.simulation.anchors.file);
+  EXPECT_EQ(simulation.anchors.sha256, recipe.simulation.anchors.sha256);
+  EXPECT_EQ(simulation.anchors.painted, recipe.simulation.anchors.painted);
+  EXPECT_FALSE(simulation.scaling.stiffness);
+  EXPECT_TRUE(simulation.scaling.damping);
+  EXPECT_FALSE(simulation.scaling.drag);
+  EXPECT_TRUE(simulation.scaling.mass);
   EXPECT_EQ(session::to_json(read), session::to_json(recipe));
+}
+
+TEST(Recipe, EveryWordOfEveryChoiceComesBack) {
+  session::Recipe recipe;
+  for (const auto links : {model::LinkRule::six, model::LinkRule::nearest, model::LinkRule::lattice18,
+                           model::LinkRule::lattice26}) {
+    recipe.tissue.links = links;
+    EXPECT_EQ(session::parse_recipe(session::to_json(recipe)).tissue.links, links);
+  }
+  for (const auto integrator : palpate::simulation::all_integrators()) {
+    recipe.simulation.parameters.integrator = integrator;
+    EXPECT_EQ(session::parse_recipe(session::to_json(recipe)).simulation.parameters.integrator, integrator);
+  }
+  using palpate::simulation::LayoutChoice;
+  for (const auto layout : {LayoutChoice::automatic, LayoutChoice::lattice, LayoutChoice::explicit_links}) {
+    recipe.simulation.layout = layout;
+    EXPECT_EQ(session::parse_recipe(session::to_json(recipe)).simulation.layout, layout);
+  }
+  recipe.tissue.links = model::LinkRule::nearest;
+  for (const auto points : {model::PointRule::lattice, model::PointRule::blue_noise}) {
+    recipe.tissue.points = points;
+    EXPECT_EQ(session::parse_recipe(session::to_json(recipe)).tissue.points, points);
+  }
+  recipe.simulation.anchors.rule = session::AnchorSettings::Rule::border;
+  EXPECT_EQ(session::parse_recipe(session::to_json(recipe)).simulation.anchors.rule,
+            session::AnchorSettings::Rule::border);
+}
+
+TEST(Recipe, OfAnEarlierVersionLoadsWithDefaultsForWhatIsNew) {
+  const auto read = session::parse_recipe(
+      R"({"version": 1, "tissue": {"links": "six", "max_links": 8, "threshold_low": 60},
+          "simulation": {"integrator": "rk4", "stiffness_per_s2": 5000, "step_s": null}})");
+  EXPECT_EQ(read.tissue.links, model::LinkRule::six);
+  EXPECT_EQ(read.tissue.points, model::PointRule::lattice);
+  EXPECT_FALSE(read.mask.path.has_value());
+  EXPECT_EQ(read.simulation.parameters.stiffness_per_s2, 5000);
+  EXPECT_EQ(read.simulation.parameters.mass, 1.0);
+  EXPECT_EQ(read.simulation.parameters.beat_amplitude, 0.0);
+  EXPECT_EQ(read.simulation.layout, palpate::simulation::LayoutChoice::automatic);
+  EXPECT_EQ(read.simulation.anchors.rule, session::AnchorSettings::Rule::none);
 }
 
 TEST(Recipe, DefaultsAreWrittenAndReadBack) {
@@ -125,7 +195,32 @@ TEST(Recipe, RefusalsNameThePlace) {
       {"{\"version\": 1, \"tissue\": {\"stride\": 0}}", "tissue.stride"},
       {"{\"version\": 1, \"tissue\": {\"stride\": 1.5}}", "tissue.stride"},
       {"{\"version\": 1, \"tissue\": {\"seed\": -1}}", "tissue.seed"},
-      {"{\"version\": 1, \"tissue\": {\"links\": \"lattice18\"}}", "tissue.links"},
+      {R"({"version": 1, "tissue": {"links": "lattice20"}})", "tissue.links"},
+      {R"({"version": 1, "tissue": {"points": "random"}})", "tissue.points"},
+      {R"({"version": 1, "tissue": {"points": "blue-noise", "links": "six"}})", "tissue.links"},
+      {R"({"version": 1, "tissue": {"mask": "heart.mha"}})", "tissue.mask"},
+      {R"({"version": 1, "tissue": {"mask": {"label": 2}}})", "tissue.mask.path"},
+      {R"({"version": 1, "tissue": {"mask": {"path": ""}}})", "tissue.mask.path"},
+      {R"({"version": 1, "tissue": {"mask": {"path": "m.mha", "label": 1.5}}})", "tissue.mask.label"},
+      {R"({"version": 1, "tissue": {"mask": {"path": "m.mha", "color": 1}}})", "tissue.mask.color"},
+      {R"({"version": 1, "simulation": {"layout": "tree"}})", "simulation.layout"},
+      {R"({"version": 1, "simulation": {"mass": 0}})", "simulation.mass"},
+      {R"({"version": 1, "simulation": {"mass": 1001}})", "simulation.mass"},
+      {R"({"version": 1, "simulation": {"beat": {"period_s": 0.01}}})", "simulation.beat.period_s"},
+      {R"({"version": 1, "simulation": {"beat": {"amplitude": 0.6}}})", "simulation.beat.amplitude"},
+      {R"({"version": 1, "simulation": {"beat": {"rate": 1}}})", "simulation.beat.rate"},
+      {R"({"version": 1, "simulation": {"anchors": {"rule": "top"}}})", "simulation.anchors.rule"},
+      {R"({"version": 1, "simulation": {"anchors": {"rule": "file"}}})", "simulation.anchors.file"},
+      {R"({"version": 1, "simulation": {"anchors": {"rule": "border", "file": "a.mha"}}})",
+       "simulation.anchors.file"},
+      {R"({"version": 1, "simulation": {"anchors": {"painted": [{"radius_mm": 1}]}}})",
+       "simulation.anchors.painted[0].place_mm"},
+      {R"({"version": 1, "simulation": {"anchors": {"painted": [{"place_mm": [0, 0, 0], "radius_mm": -1}]}}})",
+       "simulation.anchors.painted[0].radius_mm"},
+      {R"({"version": 1, "simulation": {"scale_by_intensity": "mass"}})", "simulation.scale_by_intensity"},
+      {R"({"version": 1, "simulation": {"scale_by_intensity": ["mass", "colour"]}})",
+       "simulation.scale_by_intensity[1]"},
+      {R"({"version": 1, "simulation": {"scale_by_intensity": [1]}})", "simulation.scale_by_intensity[0]"},
       {"{\"version\": 1, \"tissue\": {\"max_links\": 65}}", "tissue.max_links"},
       {"{\"version\": 1, \"tissue\": {\"noise\": true}}", "tissue.noise"},
       {"{\"version\": 1, \"tissue\": {\"crop\": {\"begin\": [0, 0, 0], \"end\": [5, 5]}}}",
@@ -141,7 +236,7 @@ TEST(Recipe, RefusalsNameThePlace) {
        "filters[0].parameters.radius_voxels"},
       {"{\"version\": 1, \"surface\": {\"mapping\": \"mixed\"}}", "surface.mapping"},
       {"{\"version\": 1, \"simulation\": {\"stiffness_per_s2\": -1}}", "simulation.stiffness_per_s2"},
-      {"{\"version\": 1, \"simulation\": {\"integrator\": \"verlet\"}}", "simulation.integrator"},
+      {"{\"version\": 1, \"simulation\": {\"integrator\": \"leapfrog\"}}", "simulation.integrator"},
       {"{\"version\": 1, \"simulation\": {\"step_s\": 0}}", "simulation.step_s"},
       {"{\"version\": 1, \"simulation\": {\"gravity_mm_per_s2\": [0, 0]}}", "simulation.gravity_mm_per_s2"},
       {"{\"version\": 1, \"simulation\": {\"gravity_mm_per_s2\": [0, 0, 1e400]}}", "The recipe"},
@@ -162,6 +257,51 @@ TEST(Recipe, PathsAreBesideTheFile) {
   const auto read = session::load_recipe(folder / "cases/one/recipe.json");
   EXPECT_EQ(read.input.path, folder / "cases/scan.mha");
   EXPECT_EQ(*read.surface.mesh, fs::path("/elsewhere/heart.stl"));
+}
+
+TEST(Recipe, AMaskAndAnchorsThatMovedWithTheRecipeAreFoundBesideIt) {
+  const TemporaryFolder folder;
+  fs::create_directories(folder / "old");
+  palpate::core::write_file(folder / "old/mask.mha", "mask");
+  palpate::core::write_file(folder / "old/fixed.mha", "fixed");
+  session::Recipe recipe;
+  recipe.mask.path = folder / "old/mask.mha";
+  recipe.simulation.anchors.rule = session::AnchorSettings::Rule::file;
+  recipe.simulation.anchors.file = folder / "old/fixed.mha";
+  session::save_recipe(folder / "old/one.json", recipe);
+  EXPECT_EQ(session::load_recipe(folder / "old/one.json").mask.path, folder / "old/mask.mha");
+  fs::rename(folder / "old", folder / "new");
+  const auto moved = session::load_recipe(folder / "new/one.json");
+  EXPECT_EQ(moved.mask.path, folder / "new/mask.mha");
+  EXPECT_EQ(moved.simulation.anchors.file, folder / "new/fixed.mha");
+  fs::remove(folder / "new/mask.mha");
+  EXPECT_EQ(session::load_recipe(folder / "new/one.json").mask.path, folder / "old/mask.mha")
+      << "what is nowhere is named as it was given";
+}
+
+TEST(Recipe, NotesTheLabelsChecksumsAndWarnsWhereTheyChanged) {
+  const TemporaryFolder folder;
+  palpate::core::write_file(folder / "mask.mha", "mask");
+  palpate::core::write_file(folder / "fixed.mha", "fixed");
+  session::Recipe recipe;
+  EXPECT_TRUE(session::note_label_checksums(recipe).empty()) << "there are no labels";
+  recipe.mask.path = folder / "mask.mha";
+  recipe.simulation.anchors.rule = session::AnchorSettings::Rule::file;
+  recipe.simulation.anchors.file = folder / "fixed.mha";
+  EXPECT_TRUE(session::note_label_checksums(recipe).empty());
+  EXPECT_EQ(recipe.mask.sha256, session::file_sha256(folder / "mask.mha"));
+  EXPECT_EQ(recipe.simulation.anchors.sha256, session::file_sha256(folder / "fixed.mha"));
+  EXPECT_TRUE(session::note_label_checksums(recipe).empty()) << "nothing has changed";
+  palpate::core::write_file(folder / "mask.mha", "another");
+  auto warnings = session::note_label_checksums(recipe);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_EQ(warnings[0].code, "mask-changed");
+  palpate::core::write_file(folder / "fixed.mha", "another");
+  warnings = session::note_label_checksums(recipe);
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_EQ(warnings[0].code, "anchors-changed");
+  fs::remove(folder / "mask.mha");
+  EXPECT_THROW(session::note_label_checksums(recipe), Error);
 }
 
 TEST(Recipe, ARelativePathStillLeadsToTheScanAfterSavingElsewhere) {
@@ -193,13 +333,17 @@ TEST(Recipe, TheChecksumIsOfTheParametersAndNotOfThePath) {
   const auto recipe = unusual_recipe();
   auto other = recipe;
   other.input.path = "/another/place.mha";
+  other.mask.path = "/another/mask.mha";
+  other.simulation.anchors.file = "/another/fixed.mha";
   EXPECT_EQ(session::recipe_sha256(other), session::recipe_sha256(recipe));
   EXPECT_EQ(session::recipe_sha256(recipe).size(), 64U);
   const std::function<void(session::Recipe&)> changes[] = {
       [](auto& r) { r.input.sha256[0] = 'b'; }, [](auto& r) { r.tissue.seed = 7; },
       [](auto& r) { r.filters.pop_back(); },    [](auto& r) { r.simulation.step_s.reset(); },
       [](auto& r) { r.surface.mapped = true; }, [](auto& r) { r.tissue.crop.reset(); },
-      [](auto& r) { r.input.frame = 5; },
+      [](auto& r) { r.input.frame = 5; },       [](auto& r) { r.mask.sha256[0] = 'b'; },
+      [](auto& r) { r.mask.path.reset(); },     [](auto& r) { r.simulation.anchors.sha256[0] = 'b'; },
+      [](auto& r) { r.mask.label = 1; },        [](auto& r) { r.simulation.anchors.painted.clear(); },
   };
   for (const auto& change : changes) {
     auto changed = recipe;

@@ -59,6 +59,11 @@ Session full(const fs::path& scan) {
   recipe.simulation.parameters.drag_per_s = 0.5;
   recipe.simulation.parameters.gravity_mm_per_s2 = {1.0, -2.0, 3.0};
   recipe.simulation.step_s = 0.001;
+  recipe.mask.path = scan.parent_path() / "mask.mha";
+  recipe.mask.label = 2;
+  recipe.simulation.layout = simulation::LayoutChoice::explicit_links;
+  recipe.simulation.anchors.rule = AnchorSettings::Rule::file;
+  recipe.simulation.anchors.file = scan.parent_path() / "anchors.mha";
   session.tissue_frame = 3;
   auto& views = session.views;
   views.layout = LayoutKind::three_d_large;
@@ -122,6 +127,10 @@ TEST(SessionFile, EverythingComesBack) {
   EXPECT_EQ(recipe.tissue.crop->end, (std::array<int, 3>{10, 20, 30}));
   EXPECT_EQ(recipe.surface.mesh, session.recipe.surface.mesh);
   EXPECT_EQ(recipe.simulation.step_s, 0.001);
+  EXPECT_EQ(recipe.mask.path, session.recipe.mask.path);
+  EXPECT_EQ(recipe.mask.label, 2);
+  EXPECT_EQ(recipe.simulation.layout, simulation::LayoutChoice::explicit_links);
+  EXPECT_EQ(recipe.simulation.anchors.file, session.recipe.simulation.anchors.file);
   EXPECT_EQ(loaded.session.tissue_frame, 3);
   EXPECT_EQ(loaded.session.saved_as, session.saved_as);
   const auto& views = loaded.session.views;
@@ -160,6 +169,7 @@ TEST(SessionFile, AMovedFolderIsFoundByItsRelativePath) {
   const fs::path scan = folder / "study" / fs::path("scans") / "a.mha";
   put(scan, "voxels");
   put(scan.parent_path() / "mesh.stl", "mesh");
+  put(scan.parent_path() / "mask.mha", "mask");
   Session session = full(scan);
   session.recipe.input.sha256 = file_sha256(scan);
   const fs::path file = folder / "study" / fs::path("sessions") / "a.palpate.json";
@@ -171,6 +181,7 @@ TEST(SessionFile, AMovedFolderIsFoundByItsRelativePath) {
   EXPECT_EQ(found.state, FoundInput::State::same);
   EXPECT_EQ(found.path, folder / "elsewhere" / fs::path("scans") / "a.mha");
   EXPECT_EQ(loaded.session.recipe.surface.mesh, folder / "elsewhere" / fs::path("scans") / "mesh.stl");
+  EXPECT_EQ(loaded.session.recipe.mask.path, folder / "elsewhere" / fs::path("scans") / "mask.mha");
 }
 
 TEST(SessionFile, ASessionMovedAloneFindsTheScanWhereItWas) {
@@ -229,7 +240,8 @@ TEST(SessionFile, WhatDoesNotFitIsRefusedWithItsPlace) {
     put(path, text);
     return refusal(path, "bad-session");
   };
-  EXPECT_THAT(refused(replaced(good, "\"layout\"", "\"layouts\"")), HasSubstr("views.layouts"));
+  EXPECT_THAT(refused(replaced(good, "\"layout\": \"3d-large\"", "\"layouts\": \"3d-large\"")),
+              HasSubstr("views.layouts"));
   EXPECT_THAT(refused(replaced(good, "\"3d-large\"", "\"huge\"")), HasSubstr("views.layout"));
   EXPECT_THAT(refused(replaced(good, "\"max_links\": 9", "\"max_links\": 900")),
               HasSubstr("recipe.tissue.max_links"));
