@@ -43,6 +43,8 @@ DriverLoop::DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, con
   grab_.emplace(*on_.solver, *tissue, adjacency_);
   guard_.emplace(*on_.solver, simulation::automatic_step_s(bound_), simulation::Guard::usual_halvings, stop);
   use_step();
+  if (setup_.start) restore(*setup_.start);
+  setup_.start.reset();
 }
 
 void DriverLoop::apply(const Command& command) {

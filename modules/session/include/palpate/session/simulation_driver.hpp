@@ -40,6 +40,7 @@ struct DriverSetup {
   BoundSurface surface;
   SimulationSettings settings;
   std::string device;  ///< selector; "reference" for the CPU reference
+  std::optional<simulation::State> start;  ///< at rest where absent
 };
 /// What the driver says besides frames.
 struct DriverEvent {
