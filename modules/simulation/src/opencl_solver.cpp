@@ -1,6 +1,6 @@
 #include "explicit_solver.hpp"
+#include "lattice_solver.hpp"
 
-#include "palpate/core/error.hpp"
 #include "palpate/simulation/solver.hpp"
 
 #include <utility>
@@ -12,7 +12,8 @@ std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            const Parameters& parameters, const OpenclOptions& options,
                                            const Material& material) {
   if (options.layout == LayoutChoice::lattice)
-    core::throw_usage("The lattice layout is not in this version; choose auto or explicit.");
+    return make_lattice_solver(device, std::move(tissue), parameters, options, material,
+                               "The lattice layout was asked for.");
   return make_explicit_solver(device, std::move(tissue), parameters, options, material);
 }
 

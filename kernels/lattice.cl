@@ -1,0 +1,378 @@
+// One stage of a step over a lattice of points, every link evaluated once.
+//
+// Equation, for a link of rest length L between points i and j (physics.md),
+// with d = x_j - x_i, l = |d|, r = 1/l, k and c per unit mass:
+//   F_i = d [k + r (c r d.(v_j - v_i) - k L)] = -F_j, nothing where L = 0
+//   a_i = sum of F_i - D v_i + g, and f = (v, a) times the freedom of i
+// and then, by `mode` (S the source, B the base, T the target):
+//   0  T = S + h f                     1  T = B + h f
+//   2  T = (S2 + 2 S3 + S - B)/3 + h f, as B and differences from it: the end of RK4
+//   3  v+ = v + h f.a, x+ = x + h free v+: symplectic Euler, Verlet with lagged velocity
+//   4  x+ = x + h free (v + h/2 f.a), v+ = v + h f.a: velocity Verlet, first half
+//   5  x+ = S.x, v+ = (B.v + S.v)/2 + h f.a: its second half
+//
+// The lattice's rows are cut into segments of LANES sites; there are segments
+// only where there are points. A site without a point is a lane without links.
+// Positions are kept relative to their site, which float32 likes better.
+//
+// Symbols     arguments                      units
+//   S B T     source, base, target           mm, mm/s; x y z vx vy vz of LANES lanes a segment
+//   S2 S3     second, third                  stages of RK4, as S
+//   F so far  waiting                        mm/s^2; x y z a segment; zero before and after
+//   L         rest: slots of a segment       L = q n + o, n = 0 for no link
+//   k         stiffness                      1/s^2
+//   k q, k o  rest_scale, rest_offset, half  mm/s^2 (times the beat's scale)
+//   c         damping, a quarter             1/s
+//   D g h     drag, gravity, h               1/s, mm/s^2, s
+//   freedom   1 - selectance; 0 where there is no point or an anchor
+//   factors   of the material, where one of SCALED_... is defined
+//   step_x .. from a site to the next along a row, to the next row, to the next plane; mm
+// Slots, from site (x, y, z): 0 (+1,0,0); 1 2 3 row (y+1, z) straight, ahead,
+// behind; 4 5 6 row (y, z+1); 7 row (y+1, z+1); 8 row (y-1, z+1); 9 10 and 11 12
+// ahead and behind in those two. Straight: same x; ahead: from x to their x+1;
+// behind: from our x+1 to their x, kept in the lane of x. SLOTS has a bit for
+// each that is used; only those are stored.
+//
+// Work-item: a chunk, a list of segments in the order of z, y, x. Forces on a
+// segment from those before it wait in `waiting`; what leaves the chunk's own
+// rows goes to a segment that nobody reads, and the chunk beside evaluates it
+// again (entries without OWN). So nothing is shared and nothing is atomic, and
+// every sum has one order.
+// Preconditions: segment 0 and the one after the last are zero; chunks of a
+// launch own different rows; launches go through the slabs in order.
+// CPU twin: simulation::make_reference_solver.
+#include "lanes.cl"
+
+#define OWN_ROW 1u
+#define ROW(n) (2u << (n))
+#define OWN 32u
+#define WRITES(n) (64u << (n))
+#define OVERFLOWS 1024u
+
+// Rows that have slots, and what a segment needs for the way without questions.
+#define ROW_IF(n, slots) ((SLOTS & (slots)) != 0u ? ROW(n) | WRITES(n) : 0u)
+#define WHOLE (ROW_IF(0, 0xEu) | ROW_IF(1, 0x70u) | ROW_IF(2, 0x680u) | ROW_IF(3, 0x1900u))
+
+#define HAS(slot) ((SLOTS >> (slot)) & 1u)
+#if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING) || defined(SCALED_DRAG) || defined(SCALED_MASS)
+#define SCALED
+#endif
+
+typedef struct {
+  float stiffness, rest_scale, rest_offset, damping;
+} Law;
+
+/// Where a slot is stored: the used ones before it.
+uint rank_of(const uint slot) {
+  uint rank = 0;
+#pragma unroll
+  for (uint before = 0; before < 13; ++before)
+    if (before < slot) rank += HAS(before);
+  return rank;
+}
+#define STORED_SLOTS rank_of(13)
+
+/// The force on a. Where both are at one place d is 0 and so is the force.
+__attribute__((always_inline)) Vector force_of(const Place a, const Place b, const Lanes factor_a, const Lanes factor_b, const Stored rest,
+                const Law law) {
+  const Vector d = difference(b.x, a.x);
+  const Lanes squared = d.x * d.x + (d.y * d.y + (d.z * d.z + 1e-30f));
+#ifdef RSQRT_IS_EXACT
+  const Lanes two_over_length = 2.0f * rsqrt(squared);
+#else
+  const Lanes rough = ROUGH_RSQRT(squared);
+  const Lanes error = 1.0f - squared * rough * rough;
+  const Lanes two_over_length = rough * error + (rough + rough);
+#endif
+  const Whole steps = TO_WHOLE(rest);
+  const Lanes pull = law.rest_scale * TO_LANES(rest) + law.rest_offset;
+#ifdef SCALED
+#ifdef SCALED_STIFFNESS
+  const Lanes stiffer = 0.5f * (factor_a + factor_b);
+#else
+  const Lanes stiffer = (Lanes)(1.0f);
+#endif
+  Lanes factor = stiffer * (law.stiffness - two_over_length * pull);
+#ifndef UNDAMPED
+  Lanes along = dot_of(d, difference(b.v, a.v));
+#ifdef SCALED_DAMPING
+  along *= 0.5f * (factor_a + factor_b);
+#endif
+  factor += law.damping * along * two_over_length * two_over_length;
+#endif
+#else
+#ifdef UNDAMPED
+  Lanes factor = law.stiffness - pull * two_over_length;
+#else
+  const Lanes along = dot_of(d, difference(b.v, a.v)) * two_over_length;
+  Lanes factor = law.stiffness + (law.damping * along - pull) * two_over_length;
+#endif
+#endif
+  factor = steps != (Whole)(0u) ? factor : (Lanes)(0.0f);
+  const Vector force = {d.x * factor, d.y * factor, d.z * factor};
+  return force;
+}
+
+Place place_in(__global const Lanes* restrict states, const uint segment) {
+  Place result;
+  result.x = loaded(states + 6 * segment);
+#ifndef UNDAMPED
+  result.v = loaded(states + 6 * segment + 3);
+#else
+  result.v = zero_vector();
+#endif
+  return result;
+}
+
+/// The place of each lane's next in the row.
+Place next_of(const Place own, const Place next) {
+  Place result;
+  result.x = pulled(own.x, next.x);
+#ifndef UNDAMPED
+  result.v = pulled(own.v, next.v);
+#else
+  result.v = own.v;
+#endif
+  return result;
+}
+
+#ifdef SCALED
+#define FACTORS_IN(segment) factors[segment]
+#else
+#define FACTORS_IN(segment) (Lanes)(1.0f)
+#endif
+
+/// A segment as its links see it.
+typedef struct {
+  Place here, ahead;                  ///< of the segment's points, and of each lane's next
+  Lanes factors_here, factors_ahead;  ///< of the material
+  Vector force;                       ///< on the points
+  Vector against;                     ///< what acts on each lane's next, turned round
+} Work;
+
+/// The links between the segment and the row whose sites beside it are in
+/// `row`; `carry` is the force that the last segment left for their first lane.
+__attribute__((always_inline)) void links_to_row(
+    Work* work, __global const Lanes* source, __global const Lanes* restrict factors, __global Lanes* waiting,
+    __global const Stored* restrict rest, const uint segment, const uint row, const uint target,
+    const float4 row_step, const float4 step_x, const uint straight, const uint ahead, const uint behind,
+    Vector* carry, const Law law) {
+  const Place raw = place_in(source, row);
+  Place there = raw;
+  there.x = moved(raw.x, row_step);
+  const Lanes factors_there = FACTORS_IN(row);
+  __global Lanes* sums = waiting + 3 * target;
+  Vector on_them = loaded(sums);
+  if (HAS(behind)) {
+    const Vector force =
+        force_of(there, work->ahead, factors_there, work->factors_ahead, rest[rank_of(behind)], law);
+    on_them = sum(on_them, force);
+    work->against = sum(work->against, force);
+  }
+  const Place here = place_in(source, segment);
+  if (HAS(straight)) {
+    const Vector force =
+        force_of(here, there, work->factors_here, factors_there, rest[rank_of(straight)], law);
+    work->force = sum(work->force, force);
+    on_them = difference(on_them, force);
+  }
+  if (HAS(ahead)) {
+    Place next = next_of(raw, place_in(source, row + 1));
+    next.x = moved(next.x, row_step + step_x);
+    const Vector force = force_of(here, next, work->factors_here,
+                                  NEXT_LANES(factors_there, FACTORS_IN(row + 1)), rest[rank_of(ahead)], law);
+    work->force = sum(work->force, force);
+    on_them = difference(on_them, pushed(force, *carry));
+    *carry = force;
+  }
+  store(on_them, sums);
+}
+
+/// Links that leave the stencil, one by one.
+/// Each: partner's segment and lane, rest length (mm), offset of its site as
+/// three signed numbers of 16 bits, own lane.
+void overflow_links(Vector* force, __global const float* restrict source, __global const float* restrict factors,
+                    const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
+                    const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
+                    const Law law) {
+  float sums[3 * LANES];
+  for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
+  for (uint n = begin; n < end; ++n) {
+    const uint4 link = overflow[n];
+    const float rest_length = as_float(link.y);
+    if (rest_length == 0.0f) continue;
+    const uint lane = link.w >> 16;
+    __global const float* own = source + segment * 6 * LANES + lane;
+    __global const float* other = source + link.x / LANES * 6 * LANES + link.x % LANES;
+    const float4 apart = (float)((int)(link.z << 16) >> 16) * step_x + (float)((int)link.z >> 16) * step_y +
+                         (float)((int)(link.w << 16) >> 16) * step_z;
+    const float dx = other[0] - own[0] + apart.x;
+    const float dy = other[LANES] - own[LANES] + apart.y;
+    const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
+    const float over_length = rsqrt(dx * dx + dy * dy + dz * dz + 1e-30f);
+    float elastic = law.stiffness * (1.0f - length_scale * rest_length * over_length);
+    float viscous = 4.0f * law.damping * over_length * over_length *
+                    (dx * (other[3 * LANES] - own[3 * LANES]) + dy * (other[4 * LANES] - own[4 * LANES]) +
+                     dz * (other[5 * LANES] - own[5 * LANES]));
+#ifdef SCALED
+    const float mean = 0.5f * (factors[segment * LANES + lane] + factors[link.x]);
+#ifdef SCALED_STIFFNESS
+    elastic *= mean;
+#endif
+#ifdef SCALED_DAMPING
+    viscous *= mean;
+#endif
+#endif
+    const float factor = elastic + viscous;
+    sums[lane] += dx * factor;
+    sums[LANES + lane] += dy * factor;
+    sums[2 * LANES + lane] += dz * factor;
+  }
+#if LANES == 1
+  const Vector extra = {sums[0], sums[1], sums[2]};
+#elif LANES == 4
+  const Vector extra = {vload4(0, sums), vload4(1, sums), vload4(2, sums)};
+#elif LANES == 8
+  const Vector extra = {vload8(0, sums), vload8(1, sums), vload8(2, sums)};
+#else
+  const Vector extra = {vload16(0, sums), vload16(1, sums), vload16(2, sums)};
+#endif
+  *force = sum(*force, extra);
+}
+
+/// Writes the segment's target, once all its forces are known.
+__attribute__((always_inline)) void advance(const uint segment, Vector a, const Lanes free, __global const Lanes* source,
+             __global const Lanes* base, __global const Lanes* second, __global const Lanes* third,
+             __global Lanes* target, const Lanes drag, const Lanes over_mass, const float4 gravity, const float h,
+             const uint mode) {
+  const Vector x = loaded(source + 6 * segment);
+  const Vector v = loaded(source + 6 * segment + 3);
+  a.x = free * (over_mass * (a.x - drag * v.x) + gravity.x);
+  a.y = free * (over_mass * (a.y - drag * v.y) + gravity.y);
+  a.z = free * (over_mass * (a.z - drag * v.z) + gravity.z);
+  const Lanes step = (Lanes)(h);
+  const Lanes free_step = h * free;
+  Vector new_x;
+  Vector new_v;
+  if (mode == 0) {
+    new_x = step_along(x, free_step, v);
+    new_v = step_along(v, step, a);
+  } else if (mode == 1) {
+    new_x = step_along(loaded(base + 6 * segment), free_step, v);
+    new_v = step_along(loaded(base + 6 * segment + 3), step, a);
+  } else if (mode == 2) {
+    const Vector y_x = loaded(base + 6 * segment);
+    const Vector y_v = loaded(base + 6 * segment + 3);
+    const Vector d2_x = difference(loaded(second + 6 * segment), y_x);
+    const Vector d2_v = difference(loaded(second + 6 * segment + 3), y_v);
+    const Vector d3_x = difference(loaded(third + 6 * segment), y_x);
+    const Vector d3_v = difference(loaded(third + 6 * segment + 3), y_v);
+    const Vector mean_x = step_along(sum(d2_x, difference(x, y_x)), (Lanes)(2.0f), d3_x);
+    const Vector mean_v = step_along(sum(d2_v, difference(v, y_v)), (Lanes)(2.0f), d3_v);
+    const Lanes third_part = (Lanes)(1.0f / 3.0f);
+    const Vector by_x = step_along(zero_vector(), free_step, v);
+    const Vector by_v = step_along(zero_vector(), step, a);
+    new_x = sum(y_x, step_along(by_x, third_part, mean_x));
+    new_v = sum(y_v, step_along(by_v, third_part, mean_v));
+  } else if (mode == 3) {
+    new_v = step_along(v, step, a);
+    new_x = step_along(x, free_step, new_v);
+  } else if (mode == 4) {
+    new_v = step_along(v, step, a);
+    new_x = step_along(x, free_step, step_along(v, 0.5f * step, a));
+  } else {
+    const Vector mean = step_along(v, (Lanes)(1.0f), loaded(base + 6 * segment + 3));
+    new_x = x;
+    new_v = step_along(step_along(zero_vector(), (Lanes)(0.5f), mean), step, a);
+  }
+  store(new_x, target + 6 * segment);
+  store(new_v, target + 6 * segment + 3);
+}
+
+__kernel void sweep(__global const Lanes* source, __global const Lanes* base,
+                    __global const Lanes* second, __global const Lanes* third, __global Lanes* target,
+                    __global Lanes* waiting, __global const Stored* restrict rest,
+                    __global const uint4* restrict rows, __global const uint2* restrict entries,
+                    __global const uint* restrict chunks, __global const uint* restrict overflow_begins,
+                    __global const uint4* restrict overflow, __global const Lanes* restrict freedom,
+                    __global const Lanes* restrict factors, const uint first_chunk, const uint chunk_count,
+                    const uint first_trash, const uint all_free, const uint mode, const float h,
+                    const float stiffness, const float rest_scale, const float rest_offset, const float damping,
+                    const float length_scale, const float drag, const float4 gravity, const float over_mass,
+                    const float4 step_x, const float4 step_y, const float4 step_z) {
+  if (get_global_id(0) >= chunk_count) return;
+  const uint chunk = first_chunk + get_global_id(0);
+  const uint end = chunks[chunk + 1];
+  const uint trash = first_trash + get_global_id(0);
+  const Law law = {stiffness, rest_scale, rest_offset, damping};
+  Vector carry_own = zero_vector();
+  Vector carry0 = zero_vector();
+  Vector carry1 = zero_vector();
+  Vector carry2 = zero_vector();
+  Vector carry3 = zero_vector();
+  for (uint n = chunks[chunk]; n < end; ++n) {
+    const uint segment = entries[n].x;
+    const uint flags = entries[n].y;
+    __global const Stored* lengths = rest + STORED_SLOTS * segment;
+    Work work;
+    const Place here = place_in(source, segment);
+    work.factors_here = FACTORS_IN(segment);
+    if (HAS(0) | HAS(3) | HAS(6) | HAS(10) | HAS(12)) {
+      work.ahead = next_of(here, place_in(source, segment + 1));
+      work.ahead.x = moved(work.ahead.x, step_x);
+      work.factors_ahead = NEXT_LANES(work.factors_here, FACTORS_IN(segment + 1));
+    }
+    if (HAS(0)) {
+      work.force = force_of(here, work.ahead, work.factors_here, work.factors_ahead, lengths[rank_of(0)], law);
+      work.against = work.force;
+    } else {
+      work.force = zero_vector();
+      work.against = zero_vector();
+    }
+    const uint4 beside = rows[segment];
+#define DO_ROW(index, target, component, row_step, straight, ahead, behind)                        \
+  links_to_row(&work, source, factors, waiting, lengths, segment, beside.component, target, row_step, step_x, \
+               straight, ahead, behind, &carry##index, law);
+#define DO_ROW_IF(index, component, row_step, straight, ahead, behind)                                      \
+  if (HAS(straight) | HAS(ahead) | HAS(behind)) {                                                           \
+    if (flags & ROW(index))                                                                                 \
+      DO_ROW(index, flags& WRITES(index) ? beside.component : trash, component, row_step, straight, ahead,  \
+             behind)                                                                                        \
+    else                                                                                                    \
+      carry##index = zero_vector();                                                                         \
+  }
+    if ((flags & WHOLE) == WHOLE) {
+      if (HAS(1) | HAS(2) | HAS(3)) DO_ROW(0, beside.x, x, step_y, 1, 2, 3)
+      if (HAS(4) | HAS(5) | HAS(6)) DO_ROW(1, beside.y, y, step_z, 4, 5, 6)
+      if (HAS(7) | HAS(9) | HAS(10)) DO_ROW(2, beside.z, z, step_y + step_z, 7, 9, 10)
+      if (HAS(8) | HAS(11) | HAS(12)) DO_ROW(3, beside.w, w, step_z - step_y, 8, 11, 12)
+    } else {
+      DO_ROW_IF(0, x, step_y, 1, 2, 3)
+      DO_ROW_IF(1, y, step_z, 4, 5, 6)
+      DO_ROW_IF(2, z, step_y + step_z, 7, 9, 10)
+      DO_ROW_IF(3, w, step_z - step_y, 8, 11, 12)
+    }
+    Vector force = difference(work.force, pushed(work.against, carry_own));
+    carry_own = work.against;
+    if (!(flags & OWN)) continue;
+    __global Lanes* sums = waiting + 3 * segment;
+    force = sum(force, loaded(sums));
+    store(zero_vector(), sums);
+    if (flags & OVERFLOWS)
+      overflow_links(&force, (__global const float*)source, (__global const float*)factors, segment,
+                     overflow_begins[segment], overflow_begins[segment + 1], overflow, step_x, step_y, step_z,
+                     length_scale, law);
+    const Lanes free = all_free ? (Lanes)(1.0f) : freedom[segment];
+#ifdef SCALED_DRAG
+    const Lanes own_drag = drag * work.factors_here;
+#else
+    const Lanes own_drag = (Lanes)(drag);
+#endif
+#ifdef SCALED_MASS
+    const Lanes inverse_mass = over_mass / work.factors_here;
+#else
+    const Lanes inverse_mass = (Lanes)(over_mass);
+#endif
+    advance(segment, force, free, source, base, second, third, target, own_drag, inverse_mass, gravity, h, mode);
+  }
+}

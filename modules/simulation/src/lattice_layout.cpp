@@ -1,0 +1,616 @@
+#include "lattice_layout.hpp"
+
+#include "lattice_threads.hpp"
+
+#include "palpate/core/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <mutex>
+
+namespace palpate::simulation {
+
+namespace {
+
+constexpr unsigned no_slot = LatticeSlots::most;
+
+/// Voxels to sites of a lattice that begins at the tissue's own corner.
+struct Frame {
+  LatticeSite first{0, 0, 0};
+  LatticeSite size{0, 0, 0};  ///< sites along the image's axes
+  int stride = 1;
+
+  LatticeSite site_of(const std::array<std::int32_t, 3>& voxel) const noexcept {
+    return {(voxel[0] - first[0]) / stride, (voxel[1] - first[1]) / stride, (voxel[2] - first[2]) / stride};
+  }
+};
+
+Frame frame_of(const model::Tissue& tissue) {
+  Frame frame;
+  frame.stride = std::max(1, tissue.stride);
+  const auto& voxels = tissue.points.voxels;
+  if (voxels.empty()) return frame;
+  LatticeSite last = voxels.front();
+  frame.first = voxels.front();
+  for (const auto& voxel : voxels)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      frame.first[axis] = std::min(frame.first[axis], voxel[axis]);
+      last[axis] = std::max(last[axis], voxel[axis]);
+    }
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    frame.size[axis] = (last[axis] - frame.first[axis]) / frame.stride + 1;
+  return frame;
+}
+
+/// Which sites have a point, a bit each; rows along one axis, each from a byte's begin.
+class Occupied {
+ public:
+  Occupied(const model::Tissue& tissue, const Frame& frame, const std::array<int, 3>& axes)
+      : length_(size_along(frame, axes[0])),
+        rows_(size_along(frame, axes[1])),
+        bytes_((length_ + 7) / 8 + 4),
+        bits_(bytes_ * rows_ * size_along(frame, axes[2]) + 8) {
+    for (const auto& voxel : tissue.points.voxels) {
+      const LatticeSite site = frame.site_of(voxel);
+      const auto at = [&](std::size_t axis) {
+        return static_cast<std::size_t>(site[static_cast<std::size_t>(axes[axis])]);
+      };
+      bits_[(at(2) * rows_ + at(1)) * bytes_ + at(0) / 8] |= static_cast<std::uint8_t>(1U << (at(0) % 8));
+    }
+  }
+  /// Segments of `lanes` sites that rows moved by `shift` take.
+  std::size_t segments(unsigned lanes, unsigned shift) const {
+    std::size_t count = 0;
+    const std::size_t rows = (bits_.size() - 8) / bytes_;
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t begin = 0; begin < length_ + shift; begin += lanes) {
+        std::uint32_t mask = lanes >= 16 ? 0xFFFFU : (1U << lanes) - 1U;
+        std::size_t from = begin - shift;
+        if (begin < shift) {  // only the first
+          mask = begin + lanes <= shift ? 0U : mask >> (shift - begin);
+          from = 0;
+        }
+        if ((window(row, from) & mask) != 0) ++count;
+      }
+    return count;
+  }
+
+ private:
+  static std::size_t size_along(const Frame& frame, int axis) {
+    return static_cast<std::size_t>(frame.size[static_cast<std::size_t>(axis)]);
+  }
+  std::uint32_t window(std::size_t row, std::size_t from) const {
+    const std::uint8_t* data = bits_.data() + row * bytes_ + from / 8;
+    const std::uint32_t word =
+        data[0] | (static_cast<std::uint32_t>(data[1]) << 8U) | (static_cast<std::uint32_t>(data[2]) << 16U);
+    return word >> (from % 8);
+  }
+
+  std::size_t length_;
+  std::size_t rows_;
+  std::size_t bytes_;
+  std::vector<std::uint8_t> bits_;
+};
+
+/// How rows lie and where they are cut: the fewest segments.
+struct Cut {
+  std::array<int, 3> axes{0, 1, 2};
+  int shift = 0;
+  std::size_t segments = std::numeric_limits<std::size_t>::max();
+};
+
+Cut best_cut(const model::Tissue& tissue, const Frame& frame, unsigned lanes) {
+  const std::array<std::array<int, 3>, 3> choices{{{0, 1, 2}, {1, 0, 2}, {2, 0, 1}}};
+  std::array<Cut, 3> cuts;
+  in_parallel(3, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t choice = begin; choice < end; ++choice) {
+      const Occupied occupied(tissue, frame, choices[choice]);
+      cuts[choice].axes = choices[choice];
+      for (unsigned shift = 0; shift < lanes; ++shift) {
+        const std::size_t segments = occupied.segments(lanes, shift);
+        if (segments < cuts[choice].segments) {
+          cuts[choice].segments = segments;
+          cuts[choice].shift = static_cast<int>(shift);
+        }
+      }
+    }
+  });
+  // Rows along the image's own are read in the order of the points: a little worse is still better.
+  std::size_t best = 0;
+  for (std::size_t choice = 1; choice < 3; ++choice)
+    if (static_cast<double>(cuts[choice].segments) < 0.97 * static_cast<double>(cuts[best].segments))
+      best = choice;
+  return cuts[best];
+}
+
+/// Offsets of a link from its first end in the order of planes, rows, sites.
+struct Forward {
+  bool swapped = false;
+  int x = 0;
+  int y = 0;
+  int z = 0;
+};
+Forward forward_of(const LatticeSite& a, const LatticeSite& b) noexcept {
+  Forward f{false, b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+  if (f.z < 0 || (f.z == 0 && (f.y < 0 || (f.y == 0 && f.x < 0)))) f = {true, -f.x, -f.y, -f.z};
+  return f;
+}
+
+/// Which row a link goes to: -1 its own, 0..3 those beside it; none past the 26.
+std::optional<int> row_of(const Forward& f) noexcept {
+  if (std::abs(f.x) > 1 || std::abs(f.y) > 1 || f.z > 1) return std::nullopt;
+  if (f.z == 0) return f.y == 0 ? -1 : 0;
+  return f.y == 0 ? 1 : f.y > 0 ? 2 : 3;
+}
+unsigned slot_of(int row, int x) noexcept {
+  constexpr std::array<std::array<unsigned, 3>, 4> slots{
+      {{3, 1, 2}, {6, 4, 5}, {10, 7, 9}, {12, 8, 11}}};  // behind, straight, ahead
+  return row < 0 ? 0 : slots[static_cast<std::size_t>(row)][static_cast<std::size_t>(x + 1)];
+}
+
+std::size_t index_of(int value) noexcept { return static_cast<std::size_t>(value); }
+
+}  // namespace
+
+unsigned LatticeSlots::stored() const noexcept { return rank_of(most); }
+unsigned LatticeSlots::rank_of(unsigned slot) const noexcept {
+  unsigned rank = 0;
+  for (unsigned before = 0; before < slot; ++before) rank += (used >> before) & 1U;
+  return rank;
+}
+
+double LatticeLayout::lanes_per_point() const noexcept {
+  return lane_of_point.empty()
+             ? 0.0
+             : static_cast<double>(segments * lanes) / static_cast<double>(lane_of_point.size());
+}
+
+std::uint16_t LatticeLayout::stored_length(float rest_length_mm) const noexcept {
+  if (!(rest_length_mm > 0.0F)) return 0;
+  const float steps = std::round((rest_length_mm - rest_offset_mm) / rest_quantum_mm);
+  return static_cast<std::uint16_t>(std::clamp(steps, 1.0F, 65535.0F));
+}
+
+Eigen::Vector3f LatticeLayout::site_mm(std::uint32_t lane) const noexcept {
+  const auto& origin = origins_mm[lane / lanes];
+  return Eigen::Vector3f(origin[0], origin[1], origin[2]) + static_cast<float>(lane % lanes) * steps_mm[0];
+}
+
+namespace {
+
+/// The segment and lane of a link's slot, where it has one.
+struct StencilPlace {
+  std::uint32_t segment;
+  std::uint32_t lane;
+  unsigned slot;
+  int row;
+};
+
+std::optional<StencilPlace> stencil_place(const LatticeLayout& layout, std::uint32_t from, std::uint32_t to,
+                                          const Forward& f) {
+  const std::optional<int> row = row_of(f);
+  if (!row) return std::nullopt;
+  const unsigned slot = slot_of(*row, f.x);
+  if (((layout.slots.used >> slot) & 1U) == 0) return std::nullopt;
+  const std::uint32_t lanes = layout.lanes;
+  const std::uint32_t last = lanes - 1;
+  const std::uint32_t from_segment = from / lanes;
+  const std::uint32_t to_segment = to / lanes;
+  StencilPlace place{from_segment, from % lanes, slot, *row};
+  if (*row < 0 || f.x == 0) return place;
+  const auto beside = [&](std::uint32_t segment) { return layout.rows[segment][index_of(*row)]; };
+  if (f.x > 0) {
+    // Past the end of the segment both rows must go on, for the force that is handed on.
+    if (place.lane == last && (beside(from_segment) == 0 || beside(from_segment) + 1 != to_segment ||
+                               beside(from_segment + 1) != to_segment))
+      return std::nullopt;
+    return place;
+  }
+  place.lane = to % lanes;
+  if (place.lane != last) return place;
+  // Our site is the first of its segment: the one before must be there and face theirs.
+  place.segment = from_segment - 1;
+  if (beside(place.segment) != to_segment) return std::nullopt;
+  return place;
+}
+
+std::size_t rest_index(const LatticeLayout& layout, const StencilPlace& place) {
+  return (std::size_t{place.segment} * layout.slots.stored() + layout.slots.rank_of(place.slot)) *
+             layout.lanes +
+         place.lane;
+}
+
+}  // namespace
+
+LatticeSite LatticeLayout::site_of(std::uint32_t lane) const {
+  const std::uint32_t segment = lane / lanes;
+  const auto row = static_cast<std::size_t>(std::upper_bound(row_begins.begin(), row_begins.end(), segment) -
+                                            row_begins.begin() - 1);
+  const auto begin = segment_at.begin() + static_cast<std::ptrdiff_t>(row * blocks_in_row);
+  const auto block = std::find(begin, begin + static_cast<std::ptrdiff_t>(blocks_in_row), segment) - begin;
+  const auto rows_in_plane = index_of(size[1]);
+  return {static_cast<int>(block) * static_cast<int>(lanes) + static_cast<int>(lane % lanes) - shift,
+          static_cast<int>(row % rows_in_plane), static_cast<int>(row / rows_in_plane)};
+}
+
+LatticePlace LatticeLayout::place_of(std::uint32_t lane_a, std::uint32_t lane_b) const {
+  const Forward f = forward_of(site_of(lane_a), site_of(lane_b));
+  const std::uint32_t from = f.swapped ? lane_b : lane_a;
+  const std::uint32_t to = f.swapped ? lane_a : lane_b;
+  LatticePlace result;
+  if (const auto place = stencil_place(*this, from, to, f)) {
+    result.in_stencil = true;
+    result.rest = rest_index(*this, *place);
+    return result;
+  }
+  const auto find = [&](std::uint32_t own, std::uint32_t partner) {
+    for (std::size_t n = overflow_begins[own / lanes]; n < overflow_begins[own / lanes + 1]; ++n)
+      if (overflow[n].partner == partner && overflow[n].apart_z_own >> 16U == own % lanes) return n;
+    throw core::Error(core::ErrorKind::internal, "no-link", "A link is not in the lattice's overflow list.");
+  };
+  result.overflow = {find(lane_a, lane_b), find(lane_b, lane_a)};
+  return result;
+}
+
+namespace {
+
+/// Numbers the segments and finds each point's lane.
+std::vector<LatticeSite> place_points(const model::Tissue& tissue, const Frame& frame, const Cut& cut,
+                                      LatticeLayout& layout) {
+  const auto& voxels = tissue.points.voxels;
+  layout.axes = cut.axes;
+  layout.shift = cut.shift;
+  for (std::size_t axis = 0; axis < 3; ++axis) layout.size[axis] = frame.size[index_of(cut.axes[axis])];
+  layout.blocks_in_row = (index_of(layout.size[0] + cut.shift) + layout.lanes - 1) / layout.lanes;
+  const std::size_t row_count = index_of(layout.size[1]) * index_of(layout.size[2]);
+  layout.segment_at.assign(row_count * layout.blocks_in_row, 0);
+  std::vector<LatticeSite> sites(voxels.size());
+  layout.lane_of_point.resize(voxels.size());
+  in_parallel(voxels.size(), 65536, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t point = begin; point < end; ++point) {
+      const LatticeSite site = frame.site_of(voxels[point]);
+      for (std::size_t axis = 0; axis < 3; ++axis) sites[point][axis] = site[index_of(cut.axes[axis])];
+    }
+  });
+  const auto block_of = [&](const LatticeSite& site) {
+    return (index_of(site[2]) * index_of(layout.size[1]) + index_of(site[1])) * layout.blocks_in_row +
+           index_of(site[0] + cut.shift) / layout.lanes;
+  };
+  for (const auto& site : sites) layout.segment_at[block_of(site)] = 1;
+  layout.row_begins.resize(row_count + 1);
+  std::uint32_t next = 1;
+  for (std::size_t row = 0; row < row_count; ++row) {
+    layout.row_begins[row] = next;
+    for (std::size_t block = 0; block < layout.blocks_in_row; ++block) {
+      std::uint32_t& segment = layout.segment_at[row * layout.blocks_in_row + block];
+      if (segment != 0) segment = next++;
+    }
+  }
+  layout.row_begins[row_count] = next;
+  layout.segments = next - 1;
+  in_parallel(voxels.size(), 65536, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t point = begin; point < end; ++point)
+      layout.lane_of_point[point] = layout.segment_at[block_of(sites[point])] * layout.lanes +
+                                    static_cast<std::uint32_t>(sites[point][0] + cut.shift) % layout.lanes;
+  });
+  return sites;
+}
+
+/// Steps and origins on a grid so coarse that float32 adds them without rounding.
+void place_sites(const model::Tissue& tissue, const Frame& frame, LatticeLayout& layout) {
+  const Eigen::Matrix4d& matrix = tissue.geometry.ijk_to_lps_mm();
+  Eigen::Vector3d corner =
+      tissue.geometry.to_lps_mm(Eigen::Vector3d(frame.first[0], frame.first[1], frame.first[2])) -
+      tissue.points.center_mm;
+  std::array<Eigen::Vector3d, 3> steps;
+  double extent = corner.cwiseAbs().maxCoeff();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    steps[axis] = matrix.col(layout.axes[axis]).head<3>() * frame.stride;
+    extent += steps[axis].cwiseAbs().maxCoeff() * (layout.size[axis] + 2.0 * layout.lanes);
+  }
+  const double grid = std::ldexp(1.0, static_cast<int>(std::ceil(std::log2(std::max(extent, 1e-6)))) - 23);
+  const auto rounded = [&](const Eigen::Vector3d& v) {
+    return Eigen::Vector3d((v.array() / grid).round() * grid);
+  };
+  corner = rounded(corner);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    steps[axis] = rounded(steps[axis]);
+    layout.steps_mm[axis] = steps[axis].cast<float>();
+  }
+  layout.origins_mm.assign(layout.segments + 2, {0.0F, 0.0F, 0.0F, 0.0F});
+  const std::size_t row_count = layout.row_begins.size() - 1;
+  in_parallel(row_count, 512, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row)
+      for (std::size_t block = 0; block < layout.blocks_in_row; ++block) {
+        const std::uint32_t segment = layout.segment_at[row * layout.blocks_in_row + block];
+        if (segment == 0) continue;
+        const Eigen::Vector3d place = corner +
+                                      (static_cast<double>(block * layout.lanes) - layout.shift) * steps[0] +
+                                      static_cast<double>(row % index_of(layout.size[1])) * steps[1] +
+                                      static_cast<double>(row / index_of(layout.size[1])) * steps[2];
+        layout.origins_mm[segment] = {static_cast<float>(place.x()), static_cast<float>(place.y()),
+                                      static_cast<float>(place.z()), 0.0F};
+      }
+  });
+}
+
+void find_rows(LatticeLayout& layout) {
+  layout.rows.assign(layout.segments + 2, {0, 0, 0, 0});
+  const int rows_in_plane = layout.size[1];
+  constexpr std::array<std::array<int, 2>, 4> beside{{{1, 0}, {0, 1}, {1, 1}, {-1, 1}}};
+  in_parallel(layout.row_begins.size() - 1, 512, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const int y = static_cast<int>(row % index_of(rows_in_plane));
+      const int z = static_cast<int>(row / index_of(rows_in_plane));
+      for (std::size_t n = 0; n < 4; ++n) {
+        const int other_y = y + beside[n][0];
+        const int other_z = z + beside[n][1];
+        if (other_y < 0 || other_y >= rows_in_plane || other_z >= layout.size[2]) continue;
+        const std::size_t other = index_of(other_z) * index_of(rows_in_plane) + index_of(other_y);
+        for (std::size_t block = 0; block < layout.blocks_in_row; ++block)
+          if (const std::uint32_t segment = layout.segment_at[row * layout.blocks_in_row + block];
+              segment != 0)
+            layout.rows[segment][n] = layout.segment_at[other * layout.blocks_in_row + block];
+      }
+    }
+  });
+}
+
+/// What the links need: how many are in each slot (the last: none), and their lengths.
+struct Census {
+  std::array<std::size_t, LatticeSlots::most + 1> in_slot{};
+  float shortest_mm = std::numeric_limits<float>::infinity();
+  float longest_mm = 0.0F;
+};
+Census census_of(const model::LinkGraph& links, const std::vector<LatticeSite>& sites) {
+  Census all;
+  std::mutex mutex;
+  in_parallel(links.size(), 262144, [&](std::size_t begin, std::size_t end) {
+    Census own;
+    for (std::size_t link = begin; link < end; ++link) {
+      const Forward f = forward_of(sites[links.pairs[link][0]], sites[links.pairs[link][1]]);
+      const std::optional<int> row = row_of(f);
+      ++own.in_slot[row ? slot_of(*row, f.x) : no_slot];
+      const float length = links.rest_lengths_mm[link];
+      if (!(length > 0.0F)) continue;
+      own.shortest_mm = std::min(own.shortest_mm, length);
+      own.longest_mm = std::max(own.longest_mm, length);
+    }
+    const std::lock_guard lock(mutex);
+    for (std::size_t slot = 0; slot < own.in_slot.size(); ++slot) all.in_slot[slot] += own.in_slot[slot];
+    all.shortest_mm = std::min(all.shortest_mm, own.shortest_mm);
+    all.longest_mm = std::max(all.longest_mm, own.longest_mm);
+  });
+  return all;
+}
+
+/// A slot costs every segment about 20 cycles, a link in the overflow 80 (both ends).
+constexpr double overflow_cost = 4.0;
+
+LatticeSlots slots_for(const Census& census, std::size_t segments) {
+  LatticeSlots slots;
+  for (unsigned slot = 0; slot < LatticeSlots::most; ++slot)
+    if (overflow_cost * static_cast<double>(census.in_slot[slot]) > static_cast<double>(segments))
+      slots.used |= 1U << slot;
+  return slots;
+}
+
+/// A link that found no slot.
+struct Outside {
+  std::uint32_t link;
+};
+
+std::vector<std::uint32_t> store_links(const model::LinkGraph& links, const std::vector<LatticeSite>& sites,
+                                       LatticeLayout& layout) {
+  layout.rest.assign((layout.segments + 2) * layout.slots.stored() * layout.lanes, 0);
+  std::vector<std::uint32_t> outside;
+  std::mutex mutex;
+  in_parallel(links.size(), 131072, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> own;
+    for (std::size_t link = begin; link < end; ++link) {
+      const auto [a, b] = links.pairs[link];
+      const Forward f = forward_of(sites[a], sites[b]);
+      const std::uint32_t from = layout.lane_of_point[f.swapped ? b : a];
+      const std::uint32_t to = layout.lane_of_point[f.swapped ? a : b];
+      if (const auto place = stencil_place(layout, from, to, f))
+        layout.rest[rest_index(layout, *place)] = layout.stored_length(links.rest_lengths_mm[link]);
+      else
+        own.push_back(static_cast<std::uint32_t>(link));
+    }
+    const std::lock_guard lock(mutex);
+    outside.insert(outside.end(), own.begin(), own.end());
+  });
+  std::sort(outside.begin(), outside.end());
+  return outside;
+}
+
+void store_overflow(const model::LinkGraph& links, const std::vector<LatticeSite>& sites,
+                    const std::vector<std::uint32_t>& outside, LatticeLayout& layout) {
+  layout.links = links.size();
+  layout.links_in_overflow = outside.size();
+  layout.overflow_begins.assign(layout.segments + 3, 0);
+  for (const std::uint32_t link : outside)
+    for (const std::uint32_t point : links.pairs[link])
+      ++layout.overflow_begins[layout.lane_of_point[point] / layout.lanes + 1];
+  for (std::size_t n = 1; n < layout.overflow_begins.size(); ++n)
+    layout.overflow_begins[n] += layout.overflow_begins[n - 1];
+  std::vector<std::uint32_t> next = layout.overflow_begins;
+  layout.overflow.resize(2 * outside.size());
+  for (const std::uint32_t link : outside) {
+    const auto [a, b] = links.pairs[link];
+    for (const auto& [own, other] : {std::pair(a, b), std::pair(b, a)}) {
+      const auto apart = [&](std::size_t axis) {
+        return static_cast<std::uint32_t>(sites[other][axis] - sites[own][axis]) & 0xFFFFU;
+      };
+      const std::uint32_t lane = layout.lane_of_point[own];
+      layout.overflow[next[lane / layout.lanes]++] = {
+          layout.lane_of_point[other], links.rest_lengths_mm[link], apart(0) | (apart(1) << 16U),
+          apart(2) | ((lane % layout.lanes) << 16U)};
+    }
+  }
+}
+
+}  // namespace
+
+namespace {
+
+constexpr std::uint32_t own_row_flag = 1;
+constexpr std::uint32_t row_flag(std::size_t row) { return 2U << row; }
+constexpr std::uint32_t own_flag = 32;
+constexpr std::uint32_t writes_flag(std::size_t row) { return 64U << row; }
+constexpr std::uint32_t overflow_flag = 1024;
+
+/// Which rows each segment has links to.
+void find_groups(LatticeLayout& layout) {
+  constexpr std::array<int, LatticeSlots::most> row_of_slot{-1, 0, 0, 0, 1, 1, 1, 2, 3, 2, 2, 3, 3};
+  layout.groups.assign(layout.segments + 2, 0);
+  const std::size_t lanes = layout.lanes;
+  const std::size_t stored = layout.slots.stored();
+  std::vector<std::uint16_t> handed_on(layout.segments + 2, 0);
+  in_parallel(layout.segments + 2, 8192, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t segment = begin; segment < end; ++segment) {
+      std::uint32_t flags = 0;
+      for (unsigned slot = 0; slot < LatticeSlots::most; ++slot) {
+        if (((layout.slots.used >> slot) & 1U) == 0) continue;
+        const std::uint16_t* lengths =
+            layout.rest.data() + (segment * stored + layout.slots.rank_of(slot)) * lanes;
+        if (std::all_of(lengths, lengths + lanes, [](std::uint16_t n) { return n == 0; })) continue;
+        const int row = row_of_slot[slot];
+        const std::uint32_t flag = row < 0 ? own_row_flag : row_flag(index_of(row));
+        flags |= flag;
+        // The last lane's force on the next segment's first is added when its turn comes.
+        const bool is_ahead = slot == 2 || slot == 5 || slot == 9 || slot == 11;
+        if (is_ahead && lengths[lanes - 1] != 0) handed_on[segment] |= static_cast<std::uint16_t>(flag);
+      }
+      if (layout.overflow_begins[segment] != layout.overflow_begins[segment + 1]) flags |= overflow_flag;
+      layout.groups[segment] = static_cast<std::uint16_t>(flags);
+    }
+  });
+  for (std::size_t segment = 1; segment <= layout.segments; ++segment)
+    layout.groups[segment + 1] = static_cast<std::uint16_t>(layout.groups[segment + 1] | handed_on[segment]);
+}
+
+}  // namespace
+
+LatticeLayout build_lattice(const model::Tissue& tissue, unsigned lanes) {
+  if (!tissue.on_lattice)
+    core::throw_usage(
+        "The lattice layout needs a point a voxel; these points do not lie on a lattice. Choose the layout "
+        "auto.");
+  const Frame frame = frame_of(tissue);
+  LatticeLayout layout;
+  layout.lanes = lanes;
+  const std::vector<LatticeSite> sites = place_points(tissue, frame, best_cut(tissue, frame, lanes), layout);
+  place_sites(tissue, frame, layout);
+  find_rows(layout);
+  const Census census = census_of(tissue.links, sites);
+  layout.slots = slots_for(census, layout.segments);
+  if (census.longest_mm > 0.0F) {
+    layout.rest_quantum_mm =
+        std::max((census.longest_mm - census.shortest_mm) / 65534.0F, census.longest_mm * 1e-7F);
+    layout.rest_offset_mm = census.shortest_mm - layout.rest_quantum_mm;
+  }
+  const std::vector<std::uint32_t> outside = store_links(tissue.links, sites, layout);
+  store_overflow(tissue.links, sites, outside, layout);
+  find_groups(layout);
+  return layout;
+}
+
+double lattice_lanes_per_point(const model::Tissue& tissue, unsigned lanes) {
+  const Cut cut = best_cut(tissue, frame_of(tissue), lanes);
+  return static_cast<double>(cut.segments * lanes) /
+         static_cast<double>(std::max<std::size_t>(1, tissue.points.size()));
+}
+
+namespace {
+
+/// The bands of rows of one slab: chunk by chunk the segments, with those of
+/// the rows beside whose forces reach into the band.
+void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t chunks_in_slab,
+              LatticeSchedule& schedule) {
+  const int rows_in_plane = layout.size[1];
+  const auto row_range = [&](int y, int z) {
+    const std::size_t row = index_of(z) * index_of(rows_in_plane) + index_of(y);
+    return std::pair(layout.row_begins[row], layout.row_begins[row + 1]);
+  };
+  std::vector<std::size_t> before(index_of(rows_in_plane) + 1, 0);
+  for (int y = 0; y < rows_in_plane; ++y) {
+    std::size_t count = 0;
+    for (int z = z_begin; z < z_end; ++z) count += row_range(y, z).second - row_range(y, z).first;
+    before[index_of(y) + 1] = before[index_of(y)] + count;
+  }
+  const std::size_t total = before.back();
+  if (total == 0) return;
+  LatticeSchedule::Slab slab{static_cast<std::uint32_t>(schedule.chunks.size() - 1), 0};
+  int y_begin = 0;
+  for (std::size_t chunk = 0; chunk < chunks_in_slab; ++chunk) {
+    const std::size_t aim = total * (chunk + 1) / chunks_in_slab;
+    int y_end = y_begin;
+    // The boundary nearest to the even share.
+    while (y_end < rows_in_plane && before[index_of(y_end)] < aim &&
+           (y_end == y_begin || 2 * aim > before[index_of(y_end)] + before[index_of(y_end) + 1]))
+      ++y_end;
+    if (chunk + 1 == chunks_in_slab) y_end = rows_in_plane;
+    if (y_end == y_begin) continue;
+    for (int z = z_begin; z < z_end; ++z)
+      for (int y = std::max(0, y_begin - 1); y < std::min(rows_in_plane, y_end + 1); ++y) {
+        // Row 0 and 2 lie a row on, row 3 a row back.
+        const std::array<int, 4> reached{y + 1, y, y + 1, y - 1};
+        std::uint32_t writes = 0;
+        std::uint32_t reads = 0;
+        for (std::size_t n = 0; n < 4; ++n)
+          if (reached[n] >= y_begin && reached[n] < y_end) {
+            writes |= writes_flag(n);
+            reads |= row_flag(n);
+          }
+        const bool is_own = y >= y_begin && y < y_end;
+        const std::uint32_t kept = is_own ? ~0U : reads | writes;
+        const auto [first, last] = row_range(y, z);
+        for (std::uint32_t segment = first; segment < last; ++segment) {
+          const std::uint32_t flags = (layout.groups[segment] | writes | (is_own ? own_flag : 0U)) & kept;
+          if (is_own || (flags & reads) != 0) schedule.entries.push_back({segment, flags});
+        }
+      }
+    schedule.chunks.push_back(static_cast<std::uint32_t>(schedule.entries.size()));
+    ++slab.chunks;
+    y_begin = y_end;
+  }
+  schedule.most_chunks = std::max(schedule.most_chunks, slab.chunks);
+  schedule.slabs.push_back(slab);
+}
+
+}  // namespace
+
+LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
+                            std::size_t chunks_in_slab) {
+  LatticeSchedule schedule;
+  schedule.chunks.push_back(0);
+  const int planes = layout.size[2];
+  const std::size_t rows_in_plane = index_of(layout.size[1]);
+  const std::size_t slabs = std::max<std::size_t>(
+      1, (layout.segments + segments_in_slab / 2) / std::max<std::size_t>(1, segments_in_slab));
+  int begin = 0;
+  for (std::size_t slab = 0; slab < slabs && begin < planes; ++slab) {
+    const std::size_t aim = layout.segments * (slab + 1) / slabs;
+    int end = begin + 1;
+    while (end < planes && layout.row_begins[index_of(end) * rows_in_plane] - 1 < aim) ++end;
+    if (slab + 1 == slabs) end = planes;
+    add_slab(layout, begin, end, chunks_in_slab, schedule);
+    begin = end;
+  }
+  return schedule;
+}
+
+LayoutVerdict choose_layout(const model::Tissue& tissue) {
+  LayoutVerdict verdict;
+  if (!tissue.on_lattice) {
+    verdict.reason = "its points do not lie on a lattice of voxels";
+    return verdict;
+  }
+  verdict.possible = true;
+  verdict.lattice = true;
+  return verdict;
+}
+
+}  // namespace palpate::simulation

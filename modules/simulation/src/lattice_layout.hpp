@@ -1,0 +1,113 @@
+#pragma once
+
+#include "palpate/model/tissue.hpp"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace palpate::simulation {
+
+using LatticeSite = std::array<int, 3>;
+
+/// The slots of kernels/lattice.cl: 0 along the row; three for each of the
+/// rows (y+1, z) and (y, z+1); one, or three, for (y+1, z+1) and (y-1, z+1).
+struct LatticeSlots {
+  static constexpr unsigned most = 13;
+  static constexpr std::uint32_t all = (1U << most) - 1U;
+  std::uint32_t used = 0;  ///< a bit each
+  unsigned stored() const noexcept;
+  unsigned rank_of(unsigned slot) const noexcept;  ///< where a used one is stored
+};
+
+/// Where a link's rest length is kept.
+struct LatticePlace {
+  bool in_stencil = false;
+  std::size_t rest = 0;                   ///< index into LatticeLayout::rest
+  std::array<std::size_t, 2> overflow{};  ///< else: indices into LatticeLayout::overflow, both directions
+};
+
+/// A link outside the stencil, seen from one end, as the kernel reads it.
+struct OverflowLink {
+  std::uint32_t partner = 0;      ///< its lane: segment * lanes + lane
+  float rest_length_mm = 0.0F;    ///< 0: does not act
+  std::uint32_t apart_x_y = 0;    ///< sites from here to the partner: two signed numbers of 16 bits
+  std::uint32_t apart_z_own = 0;  ///< a signed number of 16 bits, and the lane of this end above
+};
+
+/// A tissue on its lattice, cut into segments of `lanes` consecutive sites of a
+/// row wherever there is a point. Segments are numbered from 1 in the order of
+/// plane, row and place in the row; segment 0 and the one after the last stand
+/// for what is not there. Pure; kernels/lattice.cl is what reads it.
+struct LatticeLayout {
+  unsigned lanes = 16;
+  std::array<int, 3> axes{0, 1, 2};  ///< the image axis along rows, from row to row, from plane to plane
+  std::size_t segments = 0;          ///< without the two that are not there
+  std::array<int, 3> size{0, 0, 0};  ///< sites along the lattice's axes
+  std::size_t blocks_in_row = 0;
+  int shift = 0;  ///< sites that rows are moved by, so that fewer segments are cut
+
+  std::vector<std::uint32_t> segment_at;     ///< [plane][row][block]; 0 where there is none
+  std::vector<std::uint32_t> row_begins;     ///< first segment of a row (plane * rows + row), and one more
+  std::vector<std::uint32_t> lane_of_point;  ///< segment * lanes + lane
+  std::vector<std::array<std::uint32_t, 4>> rows;  ///< of segments + 2: those beside it, 0 for none
+  std::vector<std::array<float, 4>>
+      origins_mm;                           ///< of segments + 2: the site of lane 0, relative to the centre
+  std::array<Eigen::Vector3f, 3> steps_mm;  ///< from a site to the next along the lattice's axes
+
+  LatticeSlots slots;
+  std::vector<std::uint16_t>
+      rest;  ///< [segments + 2][slots.stored()][lanes]; L = quantum n + offset, 0: none
+  float rest_quantum_mm = 0.0F;
+  float rest_offset_mm = 0.0F;
+  std::vector<std::uint16_t> groups;  ///< of segments + 2: which rows have links, as the kernel's flags
+
+  std::vector<std::uint32_t> overflow_begins;  ///< of segments + 3
+  std::vector<OverflowLink> overflow;
+  std::size_t links = 0;
+  std::size_t links_in_overflow = 0;
+
+  double lanes_per_point() const noexcept;
+  LatticeSite site_of(std::uint32_t lane) const;
+  /// Exact: sites are multiples of a number that float32 holds for all of them.
+  Eigen::Vector3f site_mm(std::uint32_t lane) const noexcept;
+  std::uint16_t stored_length(float rest_length_mm) const noexcept;
+  LatticePlace place_of(std::uint32_t lane_a, std::uint32_t lane_b) const;
+};
+
+/// Throws Error(usage) where choose_layout() says no for want of a lattice.
+LatticeLayout build_lattice(const model::Tissue& tissue, unsigned lanes);
+/// The lanes a tissue would take with this width.
+double lattice_lanes_per_point(const model::Tissue& tissue, unsigned lanes);
+
+struct LayoutVerdict {
+  bool lattice = false;
+  bool possible = false;       ///< lattice could be had by asking for it
+  std::string reason;          ///< for people
+  double share_outside = 0.0;  ///< of the links, that join no lattice neighbours
+};
+/// What `auto` takes, and why.
+LayoutVerdict choose_layout(const model::Tissue& tissue);
+
+/// The lists of segments that the work-items of a launch go through.
+struct LatticeSchedule {
+  struct Slab {
+    std::uint32_t first_chunk = 0;
+    std::uint32_t chunks = 0;
+  };
+  std::vector<std::array<std::uint32_t, 2>> entries;  ///< segment and flags
+  std::vector<std::uint32_t> chunks;                  ///< where each begins, and the end
+  std::vector<Slab> slabs;
+  std::uint32_t most_chunks = 0;  ///< of a slab
+};
+/// Slabs of whole planes with about `segments_in_slab` segments, each cut into
+/// `chunks_in_slab` bands of rows that take equally long.
+LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
+                            std::size_t chunks_in_slab);
+
+}  // namespace palpate::simulation

@@ -1,0 +1,560 @@
+#include "lattice_solver.hpp"
+
+#include "device_solver.hpp"
+#include "lattice_layout.hpp"
+#include "lattice_threads.hpp"
+
+#include "palpate/compute/kernel_library.hpp"
+#include "palpate/core/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <map>
+#include <utility>
+
+namespace palpate::simulation {
+
+namespace {
+
+using compute::Buffer;
+using compute::Kernel;
+
+constexpr std::size_t health_items = 256;
+
+unsigned lanes_for(const compute::Device& device, const OpenclOptions& options) {
+  const unsigned wanted = options.points_per_item;
+  if (wanted == 0) {
+    const unsigned width = device.info().float_vector_width;
+    return width >= 16 ? 16 : width >= 8 ? 8 : width >= 4 ? 4 : 1;
+  }
+  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
+  throw core::Error(core::ErrorKind::internal, "points-per-item",
+                    "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
+}
+
+/// What a launch of the sweep does with the forces; see kernels/lattice.cl.
+enum class Mode : std::uint32_t {
+  from_source = 0,
+  from_base = 1,
+  finish_rk4 = 2,
+  symplectic = 3,
+  drift = 4,
+  finish_verlet = 5
+};
+
+/// The sweep's arguments, by their place.
+enum Argument : unsigned {
+  source_argument,
+  base_argument,
+  second_argument,
+  third_argument,
+  target_argument,
+  waiting_argument,
+  rest_argument,
+  rows_argument,
+  entries_argument,
+  chunks_argument,
+  overflow_begins_argument,
+  overflow_argument,
+  freedom_argument,
+  factors_argument,
+  first_chunk_argument,
+  chunk_count_argument,
+  first_trash_argument,
+  all_free_argument,
+  mode_argument,
+  h_argument,
+  stiffness_argument,
+  rest_scale_argument,
+  rest_offset_argument,
+  damping_argument,
+  length_scale_argument,
+  drag_argument,
+  gravity_argument,
+  over_mass_argument,
+  step_x_argument
+};
+
+/// The part of an array that was changed.
+struct Changed {
+  std::size_t begin = std::numeric_limits<std::size_t>::max();
+  std::size_t end = 0;
+  void add(std::size_t index) {
+    begin = std::min(begin, index);
+    end = std::max(end, index + 1);
+  }
+  template <typename Value>
+  void write(const std::vector<Value>& values, Buffer& buffer) const {
+    if (begin < end)
+      buffer.write(values.data() + begin, (end - begin) * sizeof(Value), begin * sizeof(Value));
+  }
+};
+
+std::vector<std::string> scaling_defines_of(const Material& material) {
+  std::vector<std::string> defines;
+  if (!material.is_scaled()) return defines;
+  if (material.scales_stiffness) defines.emplace_back("SCALED_STIFFNESS");
+  if (material.scales_damping) defines.emplace_back("SCALED_DAMPING");
+  if (material.scales_drag) defines.emplace_back("SCALED_DRAG");
+  if (material.scales_mass) defines.emplace_back("SCALED_MASS");
+  return defines;
+}
+
+/// A pass over the lattice: one launch a slab.
+struct Stage {
+  Kernel kernel;
+  double h;   ///< of the step
+  double at;  ///< when in the step its forces are
+};
+
+/// One step; where it writes beside the state, `back` is the next.
+struct Scheme {
+  std::vector<Stage> stages;
+  std::vector<Stage> back;
+};
+
+class LatticeSolver final : public DeviceSolver {
+ public:
+  LatticeSolver(const compute::Device& device_given, std::shared_ptr<const model::Tissue> tissue_given,
+                const Parameters& parameters, const OpenclOptions& options, const Material& material_given,
+                std::string reason)
+      : DeviceSolver(device_given, std::move(tissue_given), parameters, material_given),
+        reason_(std::move(reason)),
+        library_(device_given),
+        layout_(build_lattice(tissue(), lanes_for(device_given, options))) {
+    const char* slab = std::getenv("LAT_SLAB");
+    const char* chunks = std::getenv("LAT_CHUNKS");
+    schedule_ = schedule_of(layout_, slab ? std::atoi(slab) : 1000000000, chunks ? std::atoi(chunks) : 2);
+    allocate();
+    State rest{0.0, tissue().points.positions_mm, {}};
+    rest.velocities_mm_per_s.assign(point_count(), Eigen::Vector3f::Zero());
+    build();
+    write_state(rest);
+    start();
+  }
+
+  Health health() override {
+    const std::size_t share = (layout_.segments + health_items - 1) / health_items;
+    health_.set_all(state_buffer(), rest_positions_, partials_, static_cast<std::uint32_t>(layout_.segments),
+                    static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(health_items));
+    health_.run(health_items, 1);
+    Float4 worst{};
+    partials_.visit([&](const void* data) {
+      const auto* values = static_cast<const float*>(data);
+      for (std::size_t n = 0; n < 4 * health_items; ++n) worst[n % 4] = std::max(worst[n % 4], values[n]);
+    });
+    return {worst[2] == 0.0F, std::sqrt(worst[0]), std::sqrt(worst[1])};
+  }
+
+  LinkHealth link_health() override {
+    const Parameters& p = parameters();
+    const std::size_t share = (layout_.segments + health_items - 1) / health_items;
+    link_health_.set_all(
+        state_buffer(), freedom_, factors_ ? factors_ : freedom_, rest_, rows_, overflow_begins_, overflow_,
+        link_sums_, partials_, static_cast<std::uint32_t>(layout_.segments),
+        static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(health_items), layout_.rest_quantum_mm,
+        layout_.rest_offset_mm, static_cast<float>(rest_scale_at(p, time_s())), float4(p.gravity_mm_per_s2));
+    for (unsigned axis = 0; axis < 3; ++axis)
+      link_health_.set(16 + axis, float4(layout_.steps_mm[axis].cast<double>()));
+    link_health_.run(health_items, 1);
+    return link_health_of_sums();
+  }
+
+  void set_links_alive(const std::vector<std::uint32_t>& links, bool alive) override {
+    Solver::set_links_alive(links, alive);
+    Changed stencil;
+    Changed outside;
+    for (const std::uint32_t link : links) {
+      const auto& [a, b] = tissue().links.pairs[link];
+      const float length_mm = alive ? tissue().links.rest_lengths_mm[link] : 0.0F;
+      const LatticePlace place = layout_.place_of(layout_.lane_of_point[a], layout_.lane_of_point[b]);
+      if (place.in_stencil) {
+        layout_.rest[place.rest] = layout_.stored_length(length_mm);
+        stencil.add(place.rest);
+      } else {
+        for (const std::size_t entry : place.overflow) {
+          layout_.overflow[entry].rest_length_mm = length_mm;
+          outside.add(entry);
+        }
+      }
+    }
+    stencil.write(layout_.rest, rest_);
+    outside.write(layout_.overflow, overflow_);
+  }
+
+  const Buffer* positions_buffer() const override { return &published_; }
+  std::string layout() const override { return "lattice"; }
+  std::string layout_reason() const override { return reason_; }
+  std::size_t bytes() const override {
+    std::size_t sum = list_bytes();
+    for (const Buffer* buffer : {&y_,
+                                 &s2_,
+                                 &s3_,
+                                 &s4_,
+                                 &snapshot_,
+                                 &rest_positions_,
+                                 &waiting_,
+                                 &rest_,
+                                 &rows_,
+                                 &origins_,
+                                 &entries_,
+                                 &chunks_,
+                                 &overflow_begins_,
+                                 &overflow_,
+                                 &freedom_,
+                                 &factors_,
+                                 &lane_of_point_,
+                                 &published_,
+                                 &partials_,
+                                 &link_sums_})
+      sum += buffer->bytes();
+    return sum;
+  }
+
+ protected:
+  void use(const Parameters& parameters) override {
+    Scheme& next = scheme_of(parameters);
+    if (is_beside_) y_.copy_from(s2_, s2_.bytes());
+    is_beside_ = false;
+    scheme_ = &next;
+    use_in(*scheme_, parameters);
+  }
+
+  void write_freedom(const std::vector<float>& freedom) override {
+    all_free_ = std::all_of(freedom.begin(), freedom.end(), [](float f) { return f == 1.0F; });
+    std::vector<float> lanes((layout_.segments + 2) * layout_.lanes, 0.0F);
+    for (std::size_t point = 0; point < freedom.size(); ++point)
+      lanes[layout_.lane_of_point[point]] = freedom[point];
+    freedom_ = buffer_of(device(), lanes);
+    for_stages([&](Stage& stage) {
+      stage.kernel.set(freedom_argument, freedom_);
+      stage.kernel.set(all_free_argument, free_flag());
+    });
+  }
+
+  void begin_steps(double step_s) override {
+    for (auto* list : {&scheme_->stages, &scheme_->back})
+      for (Stage& stage : *list) stage.kernel.set(h_argument, static_cast<float>(stage.h * step_s));
+  }
+
+  void run_step(double step_s, double time_s) override {
+    auto& stages = is_beside_ ? scheme_->back : scheme_->stages;
+    if (parameters_in_use_.beat_amplitude != 0.0)
+      for (Stage& stage : stages)
+        set_beat(stage, rest_scale_at(parameters_in_use_, time_s + stage.at * step_s));
+    // A stage needs of the one before it the slab and the next one's first plane: one slab behind is enough.
+    const std::size_t slabs = schedule_.slabs.size();
+    for (std::size_t turn = 0; turn + 1 < slabs + stages.size(); ++turn)
+      for (std::size_t n = 0; n < stages.size(); ++n)
+        if (turn >= n && turn - n < slabs) launch(stages[n], turn - n);
+    if (!scheme_->back.empty()) is_beside_ = !is_beside_;
+  }
+
+  void end_steps() override { publish(); }
+
+  void move_points(const PointList& points, const Float4& velocity_mm_per_s, float h_s) override {
+    grab_.set_all(state_buffer(), points.places, points.selectances, static_cast<std::uint32_t>(points.count),
+                  velocity_mm_per_s, h_s);
+    grab_.run(points.count);
+  }
+  std::uint32_t place_of(std::uint32_t point) const override { return layout_.lane_of_point[point]; }
+
+  void read_state(State& state) const override {
+    state.positions_mm.resize(point_count());
+    published_.visit([&](const void* data) {
+      const auto* values = static_cast<const float*>(data);
+      for (std::size_t n = 0; n < point_count(); ++n)
+        state.positions_mm[n] = {values[4 * n], values[4 * n + 1], values[4 * n + 2]};
+    });
+    state.velocities_mm_per_s.resize(point_count());
+    state_buffer().visit([&](const void* data) {
+      const auto* values = static_cast<const float*>(data);
+      for (std::size_t n = 0; n < point_count(); ++n) {
+        const std::size_t at = component(layout_.lane_of_point[n], 3);
+        state.velocities_mm_per_s[n] = {values[at], values[at + layout_.lanes],
+                                        values[at + 2 * layout_.lanes]};
+      }
+    });
+  }
+
+  void write_state(const State& state) override {
+    std::vector<float> lanes((layout_.segments + 2) * 6 * layout_.lanes, 0.0F);
+    in_parallel(point_count(), 65536, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t n = begin; n < end; ++n) {
+        const std::uint32_t lane = layout_.lane_of_point[n];
+        const Eigen::Vector3f place =
+            (state.positions_mm[n].cast<double>() - layout_.site_mm(lane).cast<double>()).cast<float>();
+        for (Eigen::Index axis = 0; axis < 3; ++axis) {
+          lanes[component(lane, static_cast<std::size_t>(axis))] = place[axis];
+          lanes[component(lane, static_cast<std::size_t>(axis) + 3)] = state.velocities_mm_per_s[n][axis];
+        }
+      }
+    });
+    state_buffer().write(lanes.data(), lanes.size() * sizeof(float));
+    if (!rest_positions_) {
+      std::vector<float> rest((layout_.segments + 2) * 3 * layout_.lanes);
+      const std::size_t part = 3 * std::size_t{layout_.lanes};
+      for (std::size_t segment = 0; segment < layout_.segments + 2; ++segment)
+        std::copy_n(lanes.begin() + static_cast<std::ptrdiff_t>(2 * part * segment), part,
+                    rest.begin() + static_cast<std::ptrdiff_t>(part * segment));
+      rest_positions_ = buffer_of(device(), rest);
+    }
+    publish();
+  }
+
+  void copy_state_to_snapshot() override {
+    if (!snapshot_) snapshot_ = Buffer::allocate(device(), state_buffer().bytes());
+    snapshot_.copy_from(state_buffer(), snapshot_.bytes());
+  }
+  void copy_snapshot_to_state() override {
+    state_buffer().copy_from(snapshot_, snapshot_.bytes());
+    publish();
+  }
+
+ private:
+  std::size_t state_bytes() const { return (layout_.segments + 2) * 6 * layout_.lanes * sizeof(float); }
+  std::size_t component(std::uint32_t lane, std::size_t n) const {
+    return (std::size_t{lane / layout_.lanes} * 6 + n) * layout_.lanes + lane % layout_.lanes;
+  }
+  Buffer& state_buffer() { return is_beside_ ? s2_ : y_; }
+  const Buffer& state_buffer() const { return is_beside_ ? s2_ : y_; }
+
+  Buffer zeros(std::size_t bytes) const {
+    Buffer buffer = Buffer::allocate(device(), bytes);
+    buffer.fill_zero();
+    return buffer;
+  }
+
+  void allocate() {
+    y_ = zeros(state_bytes());
+    waiting_ = zeros((layout_.segments + 2 + schedule_.most_chunks) * 3 * layout_.lanes * sizeof(float));
+    rest_ = buffer_of(device(), layout_.rest);
+    rows_ = buffer_of(device(), layout_.rows);
+    origins_ = buffer_of(device(), layout_.origins_mm);
+    entries_ = buffer_of(device(), schedule_.entries);
+    chunks_ = buffer_of(device(), schedule_.chunks);
+    overflow_begins_ = buffer_of(device(), layout_.overflow_begins);
+    overflow_ = buffer_of(device(), layout_.overflow);
+    lane_of_point_ = buffer_of(device(), layout_.lane_of_point);
+    published_ = Buffer::allocate(device(), std::max<std::size_t>(1, point_count()) * sizeof(Float4));
+    partials_ = Buffer::allocate(device(), health_items * sizeof(Float4));
+    link_sums_ = Buffer::allocate(device(), 4 * health_items * layout_.lanes * sizeof(float));
+    std::vector<float> factors;
+    if (material().is_scaled()) factors.assign((layout_.segments + 2) * layout_.lanes, 1.0F);
+    for (std::size_t point = 0; point < point_count(); ++point) {
+      const std::uint32_t lane = layout_.lane_of_point[point];
+      if (!factors.empty()) factors[lane] = material().factors[point];
+      const bool is_scaled = material().is_scaled() && material().scales_mass;
+      weight_of_sites_ += (is_scaled ? static_cast<double>(material().factors[point]) : 1.0) *
+                          layout_.site_mm(lane).cast<double>();
+    }
+    if (!factors.empty()) factors_ = buffer_of(device(), factors);
+  }
+
+  void build() {
+    const std::vector<std::string> defines{"LANES=" + std::to_string(layout_.lanes)};
+    publish_ = library_.build("lattice_points.cl", "publish", defines);
+    grab_ = library_.build("lattice_points.cl", "grab", defines);
+    health_ = library_.build("lattice_points.cl", "health", defines);
+    std::vector<std::string> health_defines = scaling_defines_of(material());
+    health_defines.push_back(defines.front());
+    health_defines.push_back(slots_define());
+    link_health_ = library_.build("lattice_health.cl", "link_health", health_defines);
+    publish_.set(1, lane_of_point_);
+    publish_.set(2, origins_);
+    publish_.set(3, float4(layout_.steps_mm[0].cast<double>()));
+    publish_.set(4, published_);
+    publish_.set(5, static_cast<std::uint32_t>(point_count()));
+  }
+
+  void publish() {
+    publish_.set(0, state_buffer());
+    publish_.run(point_count(), 256);
+  }
+
+  std::string slots_define() const { return "SLOTS=" + std::to_string(layout_.slots.used) + "u"; }
+
+  Stage stage_of(Mode mode, double h, double at, const Buffer& source, const Buffer& base,
+                 const Buffer& target) {
+    std::vector<std::string> defines = scaling_defines_of(material());
+    defines.push_back("LANES=" + std::to_string(layout_.lanes));
+    defines.push_back(slots_define());
+    defines.emplace_back("-cl-fast-relaxed-math");
+    if (is_undamped_) defines.emplace_back("UNDAMPED");
+    Stage stage{library_.build("lattice.cl", "sweep", defines), h, at};
+    Kernel& kernel = stage.kernel;
+    const bool ends_rk4 = mode == Mode::finish_rk4;
+    kernel.set_all(source, base, ends_rk4 ? s2_ : base, ends_rk4 ? s3_ : base, target, waiting_, rest_, rows_,
+                   entries_, chunks_, overflow_begins_, overflow_, freedom_ ? freedom_ : origins_,
+                   factors_ ? factors_ : origins_);
+    kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
+    kernel.set(all_free_argument, free_flag());
+    kernel.set(mode_argument, static_cast<std::uint32_t>(mode));
+    for (unsigned axis = 0; axis < 3; ++axis)
+      kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis].cast<double>()));
+    return stage;
+  }
+
+  void need(Buffer& buffer) const {
+    if (!buffer) buffer = zeros(state_bytes());
+  }
+
+  Scheme make_scheme(Integrator integrator) {
+    Scheme scheme;
+    need(s2_);
+    const auto alternating = [&](Mode mode) {
+      scheme.stages.push_back(stage_of(mode, 1.0, 0.0, y_, y_, s2_));
+      scheme.back.push_back(stage_of(mode, 1.0, 0.0, s2_, s2_, y_));
+    };
+    switch (integrator) {
+      case Integrator::euler:
+        alternating(Mode::from_source);
+        break;
+      case Integrator::symplectic_euler:
+      case Integrator::verlet:
+        alternating(Mode::symplectic);
+        break;
+      case Integrator::velocity_verlet:
+        scheme.stages.push_back(stage_of(Mode::drift, 1.0, 0.0, y_, y_, s2_));
+        scheme.stages.push_back(stage_of(Mode::finish_verlet, 0.5, 1.0, s2_, y_, y_));
+        break;
+      case Integrator::rk4:
+        need(s3_);
+        need(s4_);
+        scheme.stages.push_back(stage_of(Mode::from_source, 0.5, 0.0, y_, y_, s2_));
+        scheme.stages.push_back(stage_of(Mode::from_base, 0.5, 0.5, s2_, y_, s3_));
+        scheme.stages.push_back(stage_of(Mode::from_base, 1.0, 0.5, s3_, y_, s4_));
+        scheme.stages.push_back(stage_of(Mode::finish_rk4, 1.0 / 6.0, 1.0, s4_, y_, y_));
+        break;
+      case Integrator::implicit_euler:
+        core::throw_usage("The integrator implicit-euler needs explicit links; choose that layout, or auto.");
+    }
+    return scheme;
+  }
+
+  Scheme& scheme_of(const Parameters& p) {
+    const bool undamped = p.damping_per_s == 0.0;
+    const auto key = std::pair(p.integrator, undamped);
+    auto found = schemes_.find(key);
+    if (found == schemes_.end()) {
+      is_undamped_ = undamped;
+      found = schemes_.emplace(key, make_scheme(p.integrator)).first;
+    }
+    return found->second;
+  }
+
+  template <typename Use>
+  void for_stages(const Use& use) {
+    for (auto& [unused, scheme] : schemes_)
+      for (auto* list : {&scheme.stages, &scheme.back})
+        for (Stage& stage : *list) use(stage);
+  }
+
+  std::uint32_t free_flag() const {
+    return all_free_ && parameters_in_use_.gravity_mm_per_s2.isZero(0.0) ? 1U : 0U;
+  }
+
+  void use_in(Scheme& scheme, const Parameters& p) {
+    parameters_in_use_ = p;
+    for (auto* list : {&scheme.stages, &scheme.back})
+      for (Stage& stage : *list) {
+        Kernel& kernel = stage.kernel;
+        kernel.set(stiffness_argument, static_cast<float>(p.stiffness_per_s2));
+        kernel.set(damping_argument, static_cast<float>(p.damping_per_s / 4.0));
+        kernel.set(drag_argument, static_cast<float>(p.drag_per_s));
+        kernel.set(gravity_argument, float4(p.gravity_mm_per_s2));
+        kernel.set(over_mass_argument, static_cast<float>(1.0 / p.mass));
+        kernel.set(all_free_argument, free_flag());
+        set_beat(stage, 1.0);
+      }
+  }
+
+  void set_beat(Stage& stage, double scale) const {
+    const double half = 0.5 * scale * parameters_in_use_.stiffness_per_s2;
+    stage.kernel.set(rest_scale_argument,
+                     static_cast<float>(half * static_cast<double>(layout_.rest_quantum_mm)));
+    stage.kernel.set(rest_offset_argument,
+                     static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)));
+    stage.kernel.set(length_scale_argument, static_cast<float>(scale));
+  }
+
+  LinkHealth link_health_of_sums() const {
+    const Parameters& p = parameters();
+    LinkHealth result;
+    double weight = weight_of_sites_.dot(p.gravity_mm_per_s2);
+    double elastic = 0.0;
+    float rate = 0.0F;
+    link_sums_.visit([&](const void* data) {
+      const auto* values = static_cast<const float*>(data);
+      for (std::size_t n = 0; n < 4 * health_items * layout_.lanes; ++n) {
+        const std::size_t which = n / layout_.lanes % 4;
+        if (which == 0) result.kinetic += 0.5 * p.mass * static_cast<double>(values[n]);
+        if (which == 1) weight += static_cast<double>(values[n]);
+        if (which == 2) elastic += static_cast<double>(values[n]);
+        if (which == 3) rate = std::max(rate, values[n]);
+      }
+    });
+    partials_.visit([&](const void* data) {
+      const auto* values = static_cast<const float*>(data);
+      for (std::size_t n = 0; n < health_items; ++n) {
+        elastic += static_cast<double>(values[4 * n]);
+        rate = std::max(rate, values[4 * n + 1]);
+      }
+    });
+    result.potential = 0.5 * p.stiffness_per_s2 * elastic - p.mass * weight;
+    result.max_strain_rate_per_s = rate;
+    return result;
+  }
+
+  void launch(Stage& stage, std::size_t slab) {
+    const auto& [first, count] = schedule_.slabs[slab];
+    stage.kernel.set(first_chunk_argument, first);
+    stage.kernel.set(chunk_count_argument, count);
+    stage.kernel.run(count, 1);
+  }
+
+  std::string reason_;
+  compute::KernelLibrary library_;
+  LatticeLayout layout_;
+  LatticeSchedule schedule_;
+  Buffer y_, s2_, s3_, s4_, snapshot_;
+  Buffer rest_positions_;
+  Buffer waiting_;
+  Buffer rest_;
+  Buffer rows_;
+  Buffer origins_;
+  Buffer entries_;
+  Buffer chunks_;
+  Buffer overflow_begins_;
+  Buffer overflow_;
+  Buffer freedom_;
+  Buffer factors_;
+  Buffer lane_of_point_;
+  Buffer published_;
+  Buffer partials_;
+  Kernel publish_;
+  Kernel grab_;
+  Kernel health_;
+  Kernel link_health_;
+  Buffer link_sums_;
+  std::map<std::pair<Integrator, bool>, Scheme> schemes_;  ///< with or without damping
+  Scheme* scheme_ = nullptr;
+  bool is_undamped_ = false;
+  Eigen::Vector3d weight_of_sites_ = Eigen::Vector3d::Zero();  ///< sum of mass factor and site
+  Parameters parameters_in_use_;
+  bool is_beside_ = false;
+  bool all_free_ = true;
+};
+
+}  // namespace
+
+std::unique_ptr<Solver> make_lattice_solver(const compute::Device& device,
+                                            std::shared_ptr<const model::Tissue> tissue,
+                                            const Parameters& parameters, const OpenclOptions& options,
+                                            const Material& material, const std::string& reason) {
+  return std::make_unique<LatticeSolver>(device, std::move(tissue), parameters, options, material, reason);
+}
+
+}  // namespace palpate::simulation
