@@ -64,6 +64,7 @@ struct Launch {
 struct Scheme {
   std::vector<Launch> launches;
   std::vector<Launch> back;
+  bool is_warm = false;  ///< has run
 };
 
 class ExplicitSolver final : public DeviceSolver {
@@ -85,6 +86,7 @@ class ExplicitSolver final : public DeviceSolver {
     rest_ = Buffer::allocate(device(), a_.y.x.bytes());
     rest_.copy_from(a_.y.x, rest_.bytes());
     build();
+    write_freedom(std::vector<float>(point_count(), 1.0F));
     start();
     warm_up();
   }
@@ -147,6 +149,7 @@ class ExplicitSolver final : public DeviceSolver {
     std::size_t sum = rest_.bytes() + a_.partners.bytes() + a_.rest_lengths.bytes() + a_.freedom.bytes() +
                       partials_.bytes() + list_bytes();
     for (const auto* phase : {&a_.y, &a_.s2, &a_.s3, &a_.s4, &snapshot_}) sum += phase->bytes();
+    if (implicit_) sum += implicit_->bytes();
     return sum;
   }
   std::size_t bytes_per_step() const override {
@@ -179,6 +182,14 @@ class ExplicitSolver final : public DeviceSolver {
       }
     scheme_ = &scheme;
     beat_ = parameters;
+    if (scheme.is_warm || point_count() == 0) return;
+    // Drivers finish the compiling of a kernel at its first launch; that wait
+    // belongs here, not into the next picture. A step of no time changes nothing.
+    begin_steps(0.0);
+    run_step(0.0, 0.0);
+    end_steps();
+    device().finish();
+    scheme.is_warm = true;
   }
 
   void write_freedom(const std::vector<float>& freedom) override {
@@ -348,15 +359,13 @@ class ExplicitSolver final : public DeviceSolver {
                                    : schemes_.emplace(integrator, made(integrator)).first->second;
   }
 
-  /// Drivers finish the compiling of a kernel at its first launch; that wait
-  /// belongs here, not into the first picture. Steps of no time change nothing.
+  /// What use() does for the steps, for the rest.
   void warm_up() {
     if (point_count() == 0) return;
-    step(1, 0.0);
     grab_.set_all(a_.y.x, a_.y.v, a_.freedom, a_.freedom, std::uint32_t{0}, Float4{}, 0.0F);
     grab_.run(1);
     health();
-    device().finish();
+    link_health();
   }
 
   std::string reason_;

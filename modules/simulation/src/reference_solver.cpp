@@ -1,6 +1,7 @@
 // The model once more, in double precision and as plainly as the thesis says
 // it: what the OpenCL kernels are measured against. No code is shared with them.
 #include "held.hpp"
+#include "implicit_reference.hpp"
 
 #include "palpate/core/error.hpp"
 #include "palpate/simulation/solver.hpp"
@@ -63,8 +64,6 @@ class ReferenceSolver final : public Solver {
 
   void set_parameters(const Parameters& parameters) override {
     check(parameters);
-    if (parameters.integrator == Integrator::implicit_euler)
-      core::throw_usage("The integrator " + to_string(parameters.integrator) + " is not in the reference.");
     parameters_ = parameters;
     mass_.clear();
     drag_per_s_.clear();
@@ -163,7 +162,7 @@ class ReferenceSolver final : public Solver {
       case Integrator::rk4:
         return rk4(h);
       case Integrator::implicit_euler:
-        return;  // set_parameters refuses it
+        return implicit_euler(h);
     }
   }
 
@@ -208,6 +207,26 @@ class ReferenceSolver final : public Solver {
     const Phase k3 = derivative(plus(y_, h / 2, k2), time_s_ + h / 2);
     const Phase k4 = derivative(plus(y_, h, k3), time_s_ + h);
     y_ = plus(plus(plus(plus(y_, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4);
+  }
+
+  void implicit_euler(double h) {
+    if (!implicit_spread_) implicit_spread_ = implicit_spread(tissue(), material());
+    ImplicitSystem system;
+    const model::LinkGraph& links = tissue().links;
+    const double rest_scale = rest_scale_at(parameters_, time_s_ + h);
+    for (std::size_t n = 0; n < links.size(); ++n) {
+      if (link_alive()[n] == 0 || links.rest_lengths_mm[n] == 0.0F) continue;
+      const auto [i, j] = links.pairs[n];
+      system.links.push_back({{i, j},
+                              rest_scale * static_cast<double>(links.rest_lengths_mm[n]),
+                              parameters_.stiffness_per_s2 * mean_factor(material().scales_stiffness, i, j),
+                              parameters_.damping_per_s * mean_factor(material().scales_damping, i, j)});
+    }
+    system.mass = mass_;
+    system.drag = drag_per_s_;
+    system.freedom = freedom_;
+    system.gravity_mm_per_s2 = parameters_.gravity_mm_per_s2;
+    implicit_step(system, implicit_plan(*implicit_spread_, parameters_, h), h, y_.x, y_.v);
   }
 
   /// (v, a) of every point, scaled by its freedom.
@@ -275,6 +294,7 @@ class ReferenceSolver final : public Solver {
   std::vector<bool> is_anchor_;
   std::vector<HeldPoint> held_;
   Eigen::Vector3d grab_velocity_ = Eigen::Vector3d::Zero();
+  std::optional<ImplicitSpread> implicit_spread_;
   std::optional<Snapshot> snapshot_;
   double time_s_ = 0.0;
 };

@@ -1,0 +1,46 @@
+#pragma once
+
+#include "palpate/model/tissue.hpp"
+#include "palpate/simulation/parameters.hpp"
+
+#include <vector>
+
+namespace palpate::simulation {
+
+/// How the linear system of an implicit step is solved (docs/adr/0012): a
+/// fixed number of Chebyshev iterations, each
+///   u+ = u + momentum (u - u-) + rate B^-1 (b - A u),  u = u- = 0 at first,
+/// after which u = (1 - P(B^-1 A)) A^-1 b. All eigenvalues of B^-1 A lie in
+/// (0, 1], where P lies in [-ripple, 1]; P(0) = 1 and P(1) = 0.
+struct ImplicitPlan {
+  struct Iteration {
+    double momentum = 0.0;
+    double rate = 1.0;
+  };
+  std::vector<Iteration> iterations;
+  double ripple = 0.0;  ///< below 1/3: the step is stable whatever the number of iterations
+
+  /// P, by the same recurrence.
+  double error_at(double eigenvalue) const;
+};
+
+/// More iterations would bring slow motion nearer to the truth; the state at
+/// rest and the stability do not depend on them.
+constexpr int implicit_fewest_iterations = 2;
+constexpr int implicit_most_iterations = 16;
+
+/// As many iterations as bring every motion to within the ripple where all
+/// eigenvalues are at least 1/spread; no more than `most`.
+ImplicitPlan implicit_plan(double spread, int most = implicit_most_iterations);
+
+/// What the spread of a tissue at rest is made of, without its parameters.
+struct ImplicitSpread {
+  double stiffness = 0.0;  ///< omega^2 where k = m = 1
+  double damping = 0.0;    ///< mu by the dampers where c = m = 1
+  double drag = 0.0;       ///< mu by drag where D = m = 1
+};
+ImplicitSpread implicit_spread(const model::Tissue& tissue, const Material& material);
+/// For these parameters and step: spread = 1 + h mu + h^2 omega^2.
+ImplicitPlan implicit_plan(const ImplicitSpread& spread, const Parameters& parameters, double step_s);
+
+}  // namespace palpate::simulation
