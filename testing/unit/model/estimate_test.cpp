@@ -26,8 +26,10 @@ TEST(Estimate, IsCloseForAShellAndABox) {
       {"box", full_box(48)},
   };
   for (const auto& [name, volume] : volumes)
-    for (const LinkRule rule : {LinkRule::nearest, LinkRule::six})
+    for (const LinkRule rule : {LinkRule::nearest, LinkRule::six, LinkRule::lattice18, LinkRule::lattice26})
       for (const double noise : {0.1, 0.5}) {
+        // Neighbours on the lattice do not depend on it.
+        if (noise > 0.1 && rule != LinkRule::nearest) continue;
         TissueParameters parameters;
         parameters.threshold_low = 50.0;
         parameters.links = rule;
@@ -42,7 +44,7 @@ TEST(Estimate, IsCloseForAShellAndABox) {
         EXPECT_EQ(guess.statistics.max_links_per_point, real.max_links_per_point) << name;
         // Where slices are far apart a few rare links decide what hangs together,
         // which touching voxels cannot tell.
-        if (volume.geometry().spacing_mm().maxCoeff() < 1.01 || rule == LinkRule::six) {
+        if (volume.geometry().spacing_mm().maxCoeff() < 1.01 || rule != LinkRule::nearest) {
           EXPECT_EQ(guess.statistics.components, real.components) << name << " noise " << noise;
           EXPECT_EQ(guess.statistics.largest_component, real.largest_component) << name;
         }
@@ -102,4 +104,22 @@ TEST(Estimate, CountsWhatStaysOfSpecks) {
   EXPECT_EQ(guess.statistics.components, statistics_of(real).components);
   parameters.min_component = volume.size();
   EXPECT_THROW(estimate(volume, parameters), palpate::core::Error);
+}
+
+TEST(Estimate, CountsPiecesByTheRulesOwnNeighbours) {
+  // Boxes that touch at edges only, and others that touch at corners only.
+  const Volume volume = shape({48, 48, 48}, {1, 1, 1}, [](int i, int j, int k) {
+    return k < 24 ? (i / 12 + j / 12) % 2 == 0 : (i / 12 + j / 12) % 2 == 0 && k / 12 % 2 == (i / 12) % 2;
+  });
+  for (const LinkRule rule : {LinkRule::six, LinkRule::lattice18, LinkRule::lattice26}) {
+    TissueParameters parameters;
+    parameters.threshold_low = 50.0;
+    parameters.links = rule;
+    const TissueEstimate guess = estimate(volume, parameters);
+    const TissueStatistics real = statistics_of(generate(volume, parameters));
+    EXPECT_TRUE(guess.sampled);
+    EXPECT_EQ(guess.statistics.components, real.components);
+    EXPECT_EQ(guess.statistics.largest_component, real.largest_component);
+    EXPECT_EQ(guess.statistics.links, real.links) << "neighbours are counted at every point";
+  }
 }

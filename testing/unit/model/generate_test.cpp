@@ -180,7 +180,7 @@ TEST(Noise, DependsOnSeedAndVoxelOnly) {
 
 TEST(Generate, GivesTheSameForAnyNumberOfThreads) {
   const Volume volume = sponge({50, 40, 45}, {0.4, 0.4, 1.0}, 0.3, 5);
-  for (const LinkRule rule : {LinkRule::nearest, LinkRule::six}) {
+  for (const LinkRule rule : {LinkRule::nearest, LinkRule::six, LinkRule::lattice18, LinkRule::lattice26}) {
     TissueParameters parameters;
     parameters.links = rule;
     parameters.min_component = 20;

@@ -195,7 +195,7 @@ TEST(NearestLinks, NoiseMakesMoreOfThem) {
 }
 
 TEST(NearestLinks, RestAtTheirLengthAfterTheNoise) {
-  for (const LinkRule rule : {LinkRule::six, LinkRule::nearest}) {
+  for (const LinkRule rule : {LinkRule::six, LinkRule::nearest, LinkRule::lattice18, LinkRule::lattice26}) {
     TissueParameters parameters;
     parameters.links = rule;
     parameters.noise = 0.4;
@@ -248,4 +248,56 @@ TEST(SixLinks, JoinTheAxisNeighboursThatExist) {
     EXPECT_EQ(tissue.links.pairs, expected);
     EXPECT_FALSE(expected.empty());
   }
+}
+
+TEST(LatticeLinks, JoinTheNeighboursThatExistAlongUpToSoManyAxes) {
+  for (const auto& [rule, most_axes] : {std::pair{LinkRule::lattice18, 2}, {LinkRule::lattice26, 3}})
+    for (const int stride : {1, 2}) {
+      TissueParameters parameters;
+      parameters.links = rule;
+      parameters.stride = stride;
+      parameters.max_links = 1;  // does not count here
+      const Tissue tissue = generate(sponge({17, 13, 11}, {1, 2, 3}, 0.5, 23), parameters);
+      Pairs expected;
+      for (std::uint32_t a = 0; a < tissue.points.size(); ++a)
+        for (std::uint32_t b = a + 1; b < tissue.points.size(); ++b) {
+          int farthest = 0;
+          int axes = 0;
+          for (std::size_t axis = 0; axis < 3; ++axis) {
+            const int step = std::abs(tissue.points.voxels[a][axis] - tissue.points.voxels[b][axis]);
+            farthest = std::max(farthest, step);
+            if (step != 0) ++axes;
+          }
+          if (farthest == stride && axes <= most_axes) expected.push_back({a, b});
+        }
+      EXPECT_EQ(tissue.links.pairs, expected) << most_axes << " axes, stride " << stride;
+      EXPECT_FALSE(expected.empty());
+    }
+}
+
+TEST(LatticeLinks, OfAFullBox) {
+  // Pairs a step d apart in a box of n^3: the product of n - |d| over the axes.
+  const std::size_t n = 11;
+  const std::size_t six = 3 * n * n * (n - 1);
+  const std::size_t edges = 6 * n * (n - 1) * (n - 1);
+  const std::size_t corners = 4 * (n - 1) * (n - 1) * (n - 1);
+  TissueParameters parameters;
+  parameters.links = LinkRule::lattice18;
+  EXPECT_EQ(generate(full_box(static_cast<int>(n)), parameters).links.size(), six + edges);
+  parameters.links = LinkRule::lattice26;
+  EXPECT_EQ(generate(full_box(static_cast<int>(n)), parameters).links.size(), six + edges + corners);
+}
+
+TEST(LatticeLinks, SayWhereTheirLatticeLies) {
+  TissueParameters parameters;
+  parameters.links = LinkRule::lattice18;
+  parameters.stride = 3;
+  parameters.crop = CropBox{{1, 2, 3}, {12, 9, 99}};
+  const Tissue tissue = generate(full_box(13), parameters);
+  EXPECT_TRUE(tissue.on_lattice);
+  EXPECT_EQ(tissue.stride, 3);
+  EXPECT_EQ(tissue.first_voxel, (std::array<std::int32_t, 3>{1, 2, 3}));
+  EXPECT_EQ(tissue.last_voxel, (std::array<std::int32_t, 3>{10, 8, 12}));
+  EXPECT_EQ(tissue.points.voxels.front(), tissue.first_voxel);
+  EXPECT_EQ(tissue.points.voxels.back(), tissue.last_voxel);
 }
