@@ -1,7 +1,8 @@
 #include "palpate/simulation/guard.hpp"
 
+#include "stability_model.hpp"
+
 #include "palpate/simulation/stability.hpp"
-#include "palpate/testing/cube_tissue.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,6 +14,7 @@
 namespace simulation = palpate::simulation;
 namespace testing_ = palpate::testing;
 using simulation::Guard;
+using simulation::Integrator;
 using simulation::Parameters;
 
 namespace {
@@ -34,14 +36,22 @@ class Fragile final : public simulation::Solver {
   const Parameters& parameters() const override { return parameters_; }
   simulation::State state() const override { return {}; }
   void set_state(const simulation::State&) override {}
-  void save_snapshot() override { saved_time = time; }
+  void save_snapshot() override {
+    saved_time = time;
+    saved_energy = energy;
+  }
   void restore_snapshot() override {
     time = saved_time;
     healthy = true;
     displacement_mm = 0.0F;
+    energy = saved_energy;
   }
   double time_s() const override { return time; }
   simulation::Health health() override { return {healthy, displacement_mm, speed_mm_per_s}; }
+  simulation::LinkHealth link_health() override {
+    ++looks;
+    return {energy, 0.0, strain_rate_per_s};
+  }
   const palpate::compute::Buffer* positions_buffer() const override { return nullptr; }
   std::string device_name() const override { return "fragile"; }
   std::string driver() const override { return {}; }
@@ -51,8 +61,12 @@ class Fragile final : public simulation::Solver {
   bool healthy = true;
   float displacement_mm = 0.0F;
   float speed_mm_per_s = 0.0F;
+  double energy = 0.0;
+  float strain_rate_per_s = 0.0F;
+  int looks = 0;
   double good_below_s;
   double saved_time = 0.0;
+  double saved_energy = 0.0;
   int steps = 0;
   double time = 0.0;
   std::function<void(int)> on_step;
@@ -239,4 +253,131 @@ TEST(Guard, AStateThatWasNeverFinitePausesWithTheLastGoodOneKept) {
   EXPECT_EQ(report.steps_done, 0);
   EXPECT_TRUE(solver->health().finite);
   EXPECT_FALSE(report.message.empty());
+}
+
+// ---- the watch over the links
+
+TEST(Guard, AJitterThatSaturatesIsCaught) {
+  // A few per cent above the limit the fastest modes grow out of the rounding and
+  // then stay, finite and small. A step of half the size has none of it.
+  const auto tissue = testing_::cube_tissue(6);
+  for (const auto scheme :
+       {Integrator::rk4, Integrator::symplectic_euler, Integrator::verlet, Integrator::velocity_verlet}) {
+    Parameters parameters;
+    parameters.integrator = scheme;
+    const double near = simulation::estimated_stable_step(*tissue, parameters).step_s;
+    const double limit = testing_::measured_limit(tissue, parameters, near);
+    for (const double over : {1.02, 1.05, 1.1, 1.3}) {
+      const auto solver = simulation::make_reference_solver(tissue, parameters);
+      auto state = solver->state();
+      testing_::Numbers numbers(3);
+      for (auto& x : state.positions_mm) x += numbers.vector(1e-5);
+      solver->set_state(state);
+      Guard guard(*solver, over * limit);
+      for (int batch = 0; batch < 60 && guard.recoveries() == 0; ++batch) guard.advance(16);
+      EXPECT_EQ(guard.recoveries(), 1) << to_string(scheme) << " at " << over;
+      EXPECT_FALSE(guard.diverged()) << to_string(scheme) << " at " << over;
+      // Back to a state before it could be seen: a hundredth of a link.
+      EXPECT_LT(solver->health().max_displacement_mm, 0.01F) << to_string(scheme) << " at " << over;
+      for (int batch = 0; batch < 20; ++batch) guard.advance(16);
+      EXPECT_EQ(guard.recoveries(), 1) << to_string(scheme) << " at " << over;
+    }
+  }
+}
+
+namespace {
+
+/// Takes the lower face of a cube of six and pulls it down by `pull_mm` in 0.05 s.
+void pull_down(simulation::Solver& solver, Guard& guard, double pull_mm) {
+  std::vector<simulation::HeldPoint> held;
+  for (std::uint32_t n = 0; n < 36; ++n) held.push_back({n, n < 18 ? 1.0F : 0.5F});
+  solver.hold(held);
+  const double end_s = solver.time_s() + 0.05;
+  solver.set_grab_velocity({0.0, 0.0, -pull_mm / 0.05});
+  while (solver.time_s() < end_s) {
+    guard.disturbed();
+    guard.advance(4);
+  }
+  solver.set_grab_velocity(Eigen::Vector3d::Zero());
+  guard.disturbed();
+  guard.advance(4);
+  solver.hold({});
+}
+
+}  // namespace
+
+TEST(Guard, AReleasedPullNeverTripsIt) {
+  const auto tissue = testing_::cube_tissue(6);
+  for (const auto scheme : {Integrator::rk4, Integrator::symplectic_euler, Integrator::velocity_verlet})
+    for (const double stiffness : {1e3, 1e4, 1e5, 1e6})
+      for (const double pull_mm : {2.0, 4.0}) {
+        Parameters parameters;
+        parameters.integrator = scheme;
+        parameters.stiffness_per_s2 = stiffness;
+        const double h = 0.9 * simulation::estimated_stable_step(*tissue, parameters).step_s;
+        const auto solver = simulation::make_reference_solver(tissue, parameters);
+        Guard guard(*solver, h);
+        for (int pulls = 0; pulls < 2; ++pulls) {
+          pull_down(*solver, guard, pull_mm);
+          for (int batch = 0; batch < 30; ++batch) EXPECT_FALSE(guard.advance(16).paused);
+        }
+        EXPECT_EQ(guard.recoveries(), 0)
+            << to_string(scheme) << ", k " << stiffness << ", " << pull_mm << " mm";
+      }
+}
+
+TEST(Guard, EnergyThatRisesOfItselfHalvesTheStep) {
+  Fragile solver(10.0);
+  Guard guard(solver, 1.0);
+  solver.energy = 100.0;
+  guard.advance(10);
+  double last_step = 1.0;
+  solver.on_step = [&](int) {
+    last_step = guard.step_s();
+    if (last_step > 0.6) solver.energy *= 3.0;
+  };
+  double time = 10.0;
+  for (int batch = 0; batch < 4; ++batch) {
+    time += 10.0 * guard.step_s();
+    guard.advance(10);
+  }
+  EXPECT_EQ(guard.recoveries(), 1);
+  EXPECT_EQ(guard.step_s(), 0.5);
+  EXPECT_EQ(solver.energy, 100.0);
+  EXPECT_DOUBLE_EQ(solver.time, time);
+}
+
+TEST(Guard, EnergyThatIsBroughtInIsNoFault) {
+  Fragile solver(10.0);
+  Guard guard(solver, 1.0);
+  solver.energy = 100.0;
+  solver.on_step = [&](int) { solver.energy *= 3.0; };
+  for (int batch = 0; batch < 10; ++batch) {
+    guard.disturbed();
+    guard.advance(10);
+  }
+  EXPECT_EQ(guard.recoveries(), 0);
+  EXPECT_EQ(guard.step_s(), 1.0);
+}
+
+TEST(Guard, WhatSmallerStepsSeeTooIsLeftAlone) {
+  // Energy comes in at a certain time, whatever the step, and nobody told.
+  Fragile solver(10.0);
+  Guard guard(solver, 1.0);
+  solver.energy = 1.0;
+  solver.on_step = [&](int) { solver.energy = solver.time > 100.0 ? 5.0 : 1.0; };
+  for (int batch = 0; batch < 40; ++batch) EXPECT_FALSE(guard.advance(10).recovered);
+  EXPECT_EQ(guard.recoveries(), 0);
+  EXPECT_EQ(guard.step_s(), 1.0);
+  EXPECT_DOUBLE_EQ(solver.time, 400.0);
+  EXPECT_LT(solver.steps, 400 + 40 * 15) << "done again a few times, not for ever";
+}
+
+TEST(Guard, LooksAtLinksEveryFortyEvaluationsOfTheForces) {
+  Fragile solver(10.0);
+  Guard guard(solver, 1.0);
+  for (int batch = 0; batch < 100; ++batch) guard.advance(4);
+  // 400 steps of RK4: 40 looks, and the one at the beginning.
+  EXPECT_GE(solver.looks, 30);
+  EXPECT_LE(solver.looks, 41);
 }

@@ -28,6 +28,15 @@ struct GuardReport {
 /// people would call good. A state that is already lost when a batch begins
 /// (it was set from outside) is replaced by the last good one and pauses the
 /// run at once.
+///
+/// A step a little above the limit makes a jitter that neither grows out of the
+/// box nor dies. So every ten steps or so it looks at the links too, and what it sees
+/// there restores the snapshot in the same way: energy that stays above what it was,
+/// by half of the kinetic energy, while nothing acts from outside; or a free link
+/// that changes its length by more than half in one step, and goes on doing so
+/// while the energy does not fall. (A released pull does that too, but dies away.)
+/// Should smaller steps see the same at the same time, it was no fault of the
+/// step, and the run goes on with the step it had.
 class Guard {
  public:
   static constexpr int usual_halvings = 12;
@@ -37,6 +46,10 @@ class Guard {
   /// Advances by `count` steps of the present step or, after a recovery, by
   /// as many halved steps as cover the same time. Does nothing while paused.
   GuardReport advance(int count);
+  /// Something acts from outside in the next batch and may bring energy in: a
+  /// grab moves or lets go, links were cut or healed, anchors changed. (New
+  /// parameters, a state that was set and a beat are seen without this.)
+  void disturbed() { input_ = true; }
   double step_s() const noexcept { return step_s_; }
   void set_step_s(double step_s);
   int recoveries() const noexcept { return recoveries_; }
@@ -45,13 +58,28 @@ class Guard {
   void clear();
 
  private:
+  enum class Loss { none, not_finite, strain, energy };
+  struct Lost {
+    double after_s = 0.0;
+    Loss how = Loss::none;
+  };
+
   bool is_lost(const Health& health) const;
   bool is_calm(const Health& health) const;
-  /// Steps in looks of at most `look` steps. The time of the look that found
-  /// the run lost; none where it was kept.
-  std::optional<double> lost_after_s(std::int64_t steps, int look);
+  /// Steps in looks of at most `look` steps. When and how the run was found
+  /// lost; none where it was kept.
+  std::optional<Lost> lost_after(std::int64_t steps, int look);
+  Loss look_at_links();
+  /// What rounding alone may do to the energy.
+  double energy_floor() const;
+  /// The energy is to be compared with what it is now.
+  void take_energy();
+  void see_input();
+  int steps_between_looks() const;
   void save();
   GuardReport pause(const std::string& message);
+  /// Restores, halves and does the time again until it is kept; false where it cannot be.
+  bool recover(Lost& lost, std::int64_t span, int look, GuardReport& report);
 
   Solver& solver_;
   double step_s_;
@@ -64,6 +92,16 @@ class Guard {
   double time_s_ = 0.0;  ///< of the solver at the end of the last batch
   int recoveries_ = 0;
   bool diverged_ = false;
+  // The watch over the links.
+  Parameters parameters_;  ///< that the energy is of
+  bool input_ = false;
+  bool watches_links_ = true;           ///< not while a time is done again whose alarm was false
+  std::optional<double> least_energy_;  ///< since the last input
+  bool is_quiet_ = true;                ///< no energy came up that may be the beginning of a blow-up
+  int risen_looks_ = 0;
+  int strained_looks_ = 0;
+  double strained_energy_ = 0.0;
+  int steps_since_look_ = 0;
 };
 
 }  // namespace palpate::simulation
