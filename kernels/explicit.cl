@@ -21,7 +21,7 @@
 //
 // Symbols     arguments               units
 //   x, v      *_positions, *_velocities  mm, mm/s (xyz)
-//   j, L0     partners, rest_lengths  index, mm; [slot][point], point fastest
+//   j, L0     partners, rest_lengths  index, mm; places as explicit_columns.cl says
 //   k/m, c/m, D/m   stiffness, damping, drag  1/s^2, 1/s, 1/s
 //   s k/m     rest_stiffness          1/s^2; s is the beat's rest_scale_at(t)
 //   g         gravity (xyz)           mm/s^2
@@ -30,11 +30,12 @@
 // Work-item: POINTS_PER_ITEM consecutive points, a lane each: on a CPU the
 // compiler does not vectorise over work-items, so the lanes say it (1 on a
 // GPU). Defines: POINTS_PER_ITEM = 1, 4, 8 or 16; LINKS_PER_POINT >= 1;
-// SCALED_STIFFNESS, SCALED_DAMPING, SCALED_DRAG, SCALED_MASS where they are.
-// Preconditions: point_count, the length of all arrays and columns, is a
-// multiple of POINTS_PER_ITEM (points that fill it up have freedom 0 and no
+// COLUMN_BLOCK; SCALED_STIFFNESS, SCALED_DAMPING, SCALED_DRAG, SCALED_MASS where they are.
+// Preconditions: point_count, the length of all arrays, is a multiple of
+// COLUMN_BLOCK (points that fill it up have freedom 0 and no
 // links); partners < point_count; the source state is not the target.
 // CPU twin: simulation::make_reference_solver.
+#include "explicit_columns.cl"
 
 #if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING) || defined(SCALED_DRAG) || defined(SCALED_MASS)
 #define SCALED
@@ -141,8 +142,8 @@ Derivatives derivatives_at(__global const float4* restrict positions, __global c
   a.y = -own_drag * v.y;
   a.z = -own_drag * v.z;
   for (uint slot = 0; slot < LINKS_PER_POINT; ++slot) {
-    const Indices partner = LOAD(partners + slot * point_count + first);
-    const Lanes rest_length = LOAD(rest_lengths + slot * point_count + first);
+    const Indices partner = LOAD(partners + COLUMN(slot, first));
+    const Lanes rest_length = LOAD(rest_lengths + COLUMN(slot, first));
     const Vectors there = gathered(positions, partner);
     const Vectors speed = gathered(velocities, partner);
     const Lanes dx = there.x - x.x;

@@ -12,14 +12,15 @@
 //   partial    partials, one float4 a group      mm^2/s^2, mm^2/s^2, 1/s
 // Work-item: a walk over the share of its group, GROUP_SIZE points apart, in
 // sums of a few points each, so that float does. Defines: GROUP_SIZE,
-// LINKS_PER_POINT, SCALED_STIFFNESS and SCALED_MASS where they are.
-// Preconditions: work-groups of GROUP_SIZE; `partials` holds every group;
-// columns are `stride` long.
+// LINKS_PER_POINT, COLUMN_BLOCK, SCALED_STIFFNESS and SCALED_MASS where they are.
+// Preconditions: work-groups of GROUP_SIZE; `partials` holds every group.
 // CPU twin: simulation::Solver::link_health.
+#include "explicit_columns.cl"
+
 __kernel void link_health(__global const float4* restrict positions, __global const float4* restrict velocities,
                           __global const uint* restrict partners, __global const float* restrict rest_lengths,
                           __global const float* restrict freedom, __global float4* restrict partials,
-                          const uint point_count, const uint stride, const float stiffness, const float rest_scale,
+                          const uint point_count, const float stiffness, const float rest_scale,
                           const float4 gravity, const float mass) {
   __local float4 own[GROUP_SIZE];
   const uint item = get_local_id(0);
@@ -39,9 +40,9 @@ __kernel void link_health(__global const float4* restrict positions, __global co
     sum.x += 0.5f * m * (v.x * v.x + v.y * v.y + v.z * v.z);
     sum.y -= m * (gravity.x * x.x + gravity.y * x.y + gravity.z * x.z);
     for (uint slot = 0; slot < LINKS_PER_POINT; ++slot) {
-      const float rest_length = rest_lengths[slot * stride + point];
+      const float rest_length = rest_lengths[COLUMN(slot, point)];
       if (rest_length == 0.0f) continue;
-      const uint other = partners[slot * stride + point];
+      const uint other = partners[COLUMN(slot, point)];
       const float4 there = positions[other];
       const float4 d = there - x;
       const float4 u = velocities[other] - v;

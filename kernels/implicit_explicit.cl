@@ -96,8 +96,8 @@ __kernel void implicit_load(__global const float4* restrict positions, __global 
   Lanes bx = zero, by = zero, bz = zero;
   Lanes xx = zero, yy = zero, zz = zero, xy = zero, xz = zero, yz = zero, all = zero;
   for (uint slot = 0; slot < LINKS_PER_POINT; ++slot) {
-    const Indices partner = LOAD(partners + slot * point_count + first);
-    const Lanes rest_length = rest_scale * LOAD(rest_lengths + slot * point_count + first);
+    const Indices partner = LOAD(partners + COLUMN(slot, first));
+    const Lanes rest_length = rest_scale * LOAD(rest_lengths + COLUMN(slot, first));
     const Vectors there = gathered(positions, partner);
     const Vectors speed = gathered(velocities, partner);
     const Link link = link_between(x, there, rest_length, stiffness, damping);
@@ -173,8 +173,8 @@ __kernel void implicit_iterate(__global const float4* restrict positions, __glob
   const Lanes zero = (Lanes)(0.0f);
   Lanes rx = zero, ry = zero, rz = zero;
   for (uint slot = 0; slot < LINKS_PER_POINT; ++slot) {
-    const Indices partner = LOAD(partners + slot * point_count + first);
-    const Lanes rest_length = rest_scale * LOAD(rest_lengths + slot * point_count + first);
+    const Indices partner = LOAD(partners + COLUMN(slot, first));
+    const Lanes rest_length = rest_scale * LOAD(rest_lengths + COLUMN(slot, first));
     const Vectors there = gathered(positions, partner);
     const Vectors speed = gathered(correction, partner);
     const Link link = link_between(x, there, rest_length, stiffness, damping);

@@ -29,7 +29,7 @@ struct ExplicitArrays {
 
   std::size_t point_count;
   std::size_t points_per_item;
-  std::size_t stride;  ///< points in all arrays: point_count, filled up to whole work-items
+  std::size_t stride;  ///< points in all arrays: point_count, filled up to whole blocks of columns
   std::size_t links_per_point = 1;
   /// SCALED_STIFFNESS and so on, as the material says.
   std::vector<std::string> scaling_defines;

@@ -93,7 +93,7 @@ class ExplicitSolver final : public DeviceSolver {
 
   void set_links_alive(const std::vector<std::uint32_t>& links, bool alive) override {
     Solver::set_links_alive(links, alive);
-    if (link_places_.empty()) link_places_ = places_of(tissue().links, a_.stride);
+    if (link_places_.empty()) link_places_ = places_of(tissue().links, a_.stride, a_.links_per_point);
     std::vector<std::uint32_t> chosen = links;
     std::sort(chosen.begin(), chosen.end());
     chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
@@ -125,10 +125,10 @@ class ExplicitSolver final : public DeviceSolver {
 
   LinkHealth link_health() override {
     const Parameters& p = parameters();
-    link_health_.set(8, static_cast<float>(p.stiffness_per_s2));
-    link_health_.set(9, static_cast<float>(rest_scale_at(p, time_s())));
-    link_health_.set(10, float4(p.gravity_mm_per_s2));
-    link_health_.set(11, static_cast<float>(p.mass));
+    link_health_.set(7, static_cast<float>(p.stiffness_per_s2));
+    link_health_.set(8, static_cast<float>(rest_scale_at(p, time_s())));
+    link_health_.set(9, float4(p.gravity_mm_per_s2));
+    link_health_.set(10, static_cast<float>(p.mass));
     link_health_.run(health_groups * health_group, health_group);
     LinkHealth sum;
     partials_.visit([&](const void* data) {
@@ -194,7 +194,7 @@ class ExplicitSolver final : public DeviceSolver {
 
   void write_freedom(const std::vector<float>& freedom) override {
     std::vector<float> whole = freedom;
-    whole.resize(a_.stride, 0.0F);  // the points that only fill the last work-item up stay where they are
+    whole.resize(a_.stride, 0.0F);  // the points that only fill the last block up stay where they are
     a_.freedom.write(whole.data(), whole.size() * sizeof(float));
   }
 
@@ -285,17 +285,22 @@ class ExplicitSolver final : public DeviceSolver {
     const std::string group = "GROUP_SIZE=" + std::to_string(health_group);
     health_ = library_.build("health.cl", "health", {group});
     health_.set_all(a_.y.x, a_.y.v, rest_, partials_, static_cast<std::uint32_t>(point_count()));
-    std::vector<std::string> defines = a_.scaling_defines;
+    std::vector<std::string> defines = link_defines();
     defines.push_back(group);
-    defines.push_back("LINKS_PER_POINT=" + std::to_string(a_.links_per_point));
     link_health_ = library_.build("explicit_health.cl", "link_health", defines);
     link_health_.set_all(a_.y.x, a_.y.v, a_.partners, a_.rest_lengths, a_.freedom, partials_,
-                         static_cast<std::uint32_t>(point_count()), static_cast<std::uint32_t>(a_.stride));
+                         static_cast<std::uint32_t>(point_count()));
+  }
+
+  std::vector<std::string> link_defines() const {
+    std::vector<std::string> defines = a_.scaling_defines;
+    defines.push_back("LINKS_PER_POINT=" + std::to_string(a_.links_per_point));
+    defines.push_back("COLUMN_BLOCK=" + std::to_string(column_block));
+    return defines;
   }
 
   std::vector<std::string> step_defines() const {
-    std::vector<std::string> defines = a_.scaling_defines;
-    defines.push_back("LINKS_PER_POINT=" + std::to_string(a_.links_per_point));
+    std::vector<std::string> defines = link_defines();
     defines.push_back("POINTS_PER_ITEM=" + std::to_string(a_.points_per_item));
     defines.emplace_back("-cl-fast-relaxed-math");
     return defines;
@@ -395,7 +400,7 @@ class ExplicitSolver final : public DeviceSolver {
 ExplicitArrays::ExplicitArrays(const compute::Device& device, std::size_t points, std::size_t points_an_item)
     : point_count(points),
       points_per_item(points_an_item),
-      stride((points + points_an_item - 1) / points_an_item * points_an_item),
+      stride((points + column_block - 1) / column_block * column_block),
       y(device, stride * sizeof(Float4)),
       s2(device, stride * sizeof(Float4)),
       s3(device, stride * sizeof(Float4)),
