@@ -102,7 +102,6 @@ TEST(CliRefuses, WhatItDoesNotKnowAndNamesWhatItAccepts) {
 TEST(CliRefuses, WhatALaterVersionBrings) {
   const std::string s = sample();
   const Refusal cases[] = {
-      {{"experiment", "list"}, "experiment"},
       {{"devices", "--self-test"}, "--self-test"},
       {{"model", s, "--mask", "m.mha"}, "--mask"},
       {{"model", s, "--links", "lattice18"}, "lattice18"},
