@@ -102,7 +102,7 @@ TEST(CliRefuses, WhatItDoesNotKnowAndNamesWhatItAccepts) {
 TEST(CliRefuses, WhatALaterVersionBrings) {
   const std::string s = sample();
   const Refusal cases[] = {
-      {{"devices", "--self-test"}, "--self-test"},
+      {{"experiment", "list"}, "experiment"},
       {{"model", s, "--mask", "m.mha"}, "--mask"},
       {{"model", s, "--links", "lattice18"}, "lattice18"},
       {{"model", s, "--links", "lattice26"}, "lattice26"},

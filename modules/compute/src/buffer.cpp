@@ -74,34 +74,34 @@ std::size_t Buffer::bytes() const noexcept { return impl_ ? impl_->bytes : 0; }
 void Buffer::write(const void* source, std::size_t bytes, std::size_t offset_bytes) {
   check_range(bytes, offset_bytes, this->bytes(), "A write");
   if (bytes == 0) return;
-  check(clEnqueueWriteBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), CL_TRUE, offset_bytes,
-                             bytes, source, 0, nullptr, nullptr),
-        "clEnqueueWriteBuffer", of_size(bytes, impl_->device));
+  check_at_work(clEnqueueWriteBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), CL_TRUE,
+                                     offset_bytes, bytes, source, 0, nullptr, nullptr),
+                "clEnqueueWriteBuffer", of_size(bytes, impl_->device), impl_->device);
 }
 
 void Buffer::read(void* target, std::size_t bytes, std::size_t offset_bytes) const {
   check_range(bytes, offset_bytes, this->bytes(), "A read");
   if (bytes == 0) return;
-  check(clEnqueueReadBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), CL_TRUE, offset_bytes,
-                            bytes, target, 0, nullptr, nullptr),
-        "clEnqueueReadBuffer", of_size(bytes, impl_->device));
+  check_at_work(clEnqueueReadBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), CL_TRUE,
+                                    offset_bytes, bytes, target, 0, nullptr, nullptr),
+                "clEnqueueReadBuffer", of_size(bytes, impl_->device), impl_->device);
 }
 
 void Buffer::copy_from(const Buffer& source, std::size_t bytes) {
   check_range(bytes, 0, this->bytes(), "A copy");
   check_range(bytes, 0, source.bytes(), "A copy");
   if (bytes == 0) return;
-  check(clEnqueueCopyBuffer(impl_->device.impl().queue.get(), source.impl_->memory.get(), impl_->memory.get(),
-                            0, 0, bytes, 0, nullptr, nullptr),
-        "clEnqueueCopyBuffer", of_size(bytes, impl_->device));
+  check_at_work(clEnqueueCopyBuffer(impl_->device.impl().queue.get(), source.impl_->memory.get(),
+                                    impl_->memory.get(), 0, 0, bytes, 0, nullptr, nullptr),
+                "clEnqueueCopyBuffer", of_size(bytes, impl_->device), impl_->device);
 }
 
 void Buffer::fill_zero() {
   if (bytes() == 0) return;
   const cl_uchar zero = 0;
-  check(clEnqueueFillBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), &zero, sizeof(zero), 0,
-                            bytes(), 0, nullptr, nullptr),
-        "clEnqueueFillBuffer", of_size(bytes(), impl_->device));
+  check_at_work(clEnqueueFillBuffer(impl_->device.impl().queue.get(), impl_->memory.get(), &zero,
+                                    sizeof(zero), 0, bytes(), 0, nullptr, nullptr),
+                "clEnqueueFillBuffer", of_size(bytes(), impl_->device), impl_->device);
 }
 
 void Buffer::sync_to_host() const {
@@ -114,7 +114,7 @@ void Buffer::visit(const std::function<void(const void*)>& reader) const {
   cl_int code = CL_SUCCESS;
   void* mapped = clEnqueueMapBuffer(queue, impl_->memory.get(), CL_TRUE, CL_MAP_READ, 0, bytes(), 0, nullptr,
                                     nullptr, &code);
-  check(code, "clEnqueueMapBuffer", of_size(bytes(), impl_->device));
+  check_at_work(code, "clEnqueueMapBuffer", of_size(bytes(), impl_->device), impl_->device);
   const auto unmap = [&] {
     return clEnqueueUnmapMemObject(queue, impl_->memory.get(), mapped, 0, nullptr, nullptr);
   };
@@ -124,7 +124,7 @@ void Buffer::visit(const std::function<void(const void*)>& reader) const {
     unmap();
     throw;
   }
-  check(unmap(), "clEnqueueUnmapMemObject", of_size(bytes(), impl_->device));
+  check_at_work(unmap(), "clEnqueueUnmapMemObject", of_size(bytes(), impl_->device), impl_->device);
   // Wrapped memory is the host's own: it must be unmapped before the host writes there.
   if (impl_->over_host_memory) impl_->device.finish();
 }

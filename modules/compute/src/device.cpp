@@ -148,9 +148,9 @@ std::vector<DeviceInfo> list_devices() {
 
 const DeviceInfo& Device::info() const noexcept { return impl_->info; }
 
-void Device::finish() const { check(clFinish(impl_->queue.get()), "clFinish", impl_->info.name); }
+void Device::finish() const { check_at_work(clFinish(impl_->queue.get()), "clFinish", "its queue", *this); }
 
-void Device::flush() const { check(clFlush(impl_->queue.get()), "clFlush", impl_->info.name); }
+void Device::flush() const { check_at_work(clFlush(impl_->queue.get()), "clFlush", "its queue", *this); }
 
 Device open_device(const std::string& selector) {
   const auto found = find_devices();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdlib>
 
 namespace palpate::compute {
 
@@ -106,6 +107,8 @@ Device open_found(const Found& found) {
   check(code, "clCreateContext", impl->info.name);
   impl->queue = OwnedQueue(clCreateCommandQueue(impl->context.get(), impl->device, 0, &code));
   check(code, "clCreateCommandQueue", impl->info.name);
+  if (const char* launches = std::getenv("PALPATE_FAIL_AFTER_LAUNCHES"); launches != nullptr)
+    impl->launches_left = std::atol(launches);
   return Device(std::move(impl));
 }
 

@@ -174,11 +174,14 @@ void Kernel::run(std::size_t work_items, std::size_t work_group) const {
   if (work_items == 0) return;
   const std::size_t group = std::min(std::max<std::size_t>(work_group, 1), impl_->largest_group);
   const std::size_t rounded = (work_items + group - 1) / group * group;
-  check(clEnqueueNDRangeKernel(impl_->device.impl().queue.get(), impl_->kernel.get(), 1, nullptr, &rounded,
-                               &group, 0, nullptr, nullptr),
-        "clEnqueueNDRangeKernel",
-        std::to_string(rounded) + " work-items (groups of " + std::to_string(group) + ") of kernel " +
-            impl_->name);
+  Device::Impl& device = impl_->device.impl();
+  if (device.launches_left >= 0 && device.launches_left-- == 0) device.lost = true;
+  check_at_work(clEnqueueNDRangeKernel(device.queue.get(), impl_->kernel.get(), 1, nullptr, &rounded, &group,
+                                       0, nullptr, nullptr),
+                "clEnqueueNDRangeKernel",
+                std::to_string(rounded) + " work-items (groups of " + std::to_string(group) + ") of kernel " +
+                    impl_->name,
+                impl_->device);
 }
 
 namespace {

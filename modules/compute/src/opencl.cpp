@@ -62,6 +62,24 @@ const char* advice(cl_int code) {
   }
 }
 
+/// What drivers answer once a device has hung, was reset or was taken away,
+/// and a kernel's failure that only a later call tells of.
+bool means_lost(cl_int code) {
+  constexpr cl_int nvidia_device_failure = -9999;
+  switch (code) {
+    case CL_DEVICE_NOT_AVAILABLE:
+    case CL_OUT_OF_RESOURCES:
+    case CL_EXEC_STATUS_ERROR_FOR_EVENTS_IN_WAIT_LIST:
+    case CL_INVALID_COMMAND_QUEUE:
+    case CL_INVALID_CONTEXT:
+    case CL_INVALID_DEVICE:
+    case nvidia_device_failure:
+      return true;
+    default:
+      return false;
+  }
+}
+
 }  // namespace
 
 std::string code_name(cl_int code) {
@@ -75,6 +93,18 @@ void check(cl_int code, const char* call, const std::string& what) {
   throw core::Error(
       core::ErrorKind::device, "opencl",
       std::string(call) + " failed with " + code_name(code) + " on " + what + "." + advice(code));
+}
+
+void check_at_work(cl_int code, const char* call, const std::string& what, const Device& device) {
+  const cl_int seen = device.impl().lost ? CL_DEVICE_NOT_AVAILABLE : code;
+  if (!means_lost(seen)) return check(seen, call, what);
+  throw core::Error(
+      core::ErrorKind::device, "device-lost",
+      "The OpenCL device " + device.info().name +
+          " stopped working in mid-run, and what it held is gone. Go on with another device, or "
+          "with the device \"reference\", which needs none; where it happens again, take less "
+          "tissue, or update the driver.",
+      std::string(call) + " failed with " + code_name(seen) + " on " + what);
 }
 
 }  // namespace palpate::compute

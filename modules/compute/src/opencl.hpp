@@ -19,6 +19,10 @@ std::string code_name(cl_int code);
 /// OpenCL function, `what` says on what, with sizes.
 void check(cl_int code, const char* call, const std::string& what);
 
+/// The same for a call to a device that is at work: a code that means that the
+/// device is gone becomes Error(device, "device-lost"), which a run may outlive.
+void check_at_work(cl_int code, const char* call, const std::string& what, const Device& device);
+
 /// Owns one reference of an OpenCL object.
 template <typename Handle, cl_int (*release)(Handle)>
 class Owned {
@@ -59,6 +63,10 @@ struct Device::Impl {
   cl_device_id device = nullptr;
   OwnedContext context;
   OwnedQueue queue;  ///< after the context: released before it
+  /// For tests (PALPATE_FAIL_AFTER_LAUNCHES): kernels that still run before the
+  /// device is lost; below zero: it is not going to be.
+  long launches_left = -1;
+  bool lost = false;  ///< by that wish
 };
 
 struct Buffer::Impl {
