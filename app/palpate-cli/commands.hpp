@@ -35,5 +35,6 @@ int run_model(const Call& call);
 int run_simulate(const Call& call);
 int run_render(const Call& call);
 int run_bench(const Call& call);
+int run_experiment(const Call& call);
 
 }  // namespace palpate::cli
