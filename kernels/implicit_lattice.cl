@@ -1,0 +1,218 @@
+// Implicit Euler for stiff tissue on a lattice: what lattice.cl's sweep does
+// with a link and with a segment where IMPLICIT is defined.
+//
+// Equation and scheme: as in implicit_explicit.cl, with e = 1 - L/l, t = min(1, |e|) and
+//   T_ij = along d dT + across I,  along = (h c + h^2 k (1 - t))/l^2,  across = h^2 k t
+// IMPLICIT says which pass it is:
+//   1 load      on a link  h^2 k e d + h T_ij (v_j - v_i); of a segment b, u_0 = (f/m) b, before = 0
+//   2 diagonal  on a link  the diagonal of T_ij, the same for both ends
+//   3 bound     on a link  its other three numbers; of a segment R_i
+//   4 iterate   on a link  T_ij (u_j - u_i); of a segment momentum, rate and so on
+//
+// Symbols     arguments of the sweep        units
+//   h^2 k     stiffness                     1, before the mass
+//   h c       damping                       1
+//   h D       drag                          1
+//   L         rest_scale n + rest_offset, and length_scale L in the overflow: mm
+//   state and v, or u   source              mm, mm/s; 6 vectors a segment
+//   u_0, u    target, and before in pass 4  x is the state's, once pass 1 has written it
+//   before    third in pass 1               as target
+//   b; R_i or T's diagonal   second         3 vectors and 1 or 3 of a segment; R_i < 0: -R_i, with links
+//   R         third in pass 4               the largest R_i, one number
+//   momentum, rate, scale, scale_before   gravity in pass 4
+// Work-item and preconditions: as in lattice.cl.
+// CPU twin: simulation::implicit_step.
+
+// In the sweep: what a link does to its one end, against what it does to the other.
+#if IMPLICIT == 2 || IMPLICIT == 3
+#define opposed sum
+#else
+#define opposed difference
+#endif
+
+/// What T_ij, and the spring, of a link are made of.
+typedef struct {
+  Lanes along, across, spring;
+} Tensor;
+
+Tensor tensor_of(const Lanes inverse, const Lanes rest_length, const Lanes k, const Lanes c) {
+  Tensor result;
+  const Lanes stretch = 1.0f - rest_length * inverse;
+  result.across = k * min(fabs(stretch), (Lanes)(1.0f));
+  result.along = (c + (k - result.across)) * (inverse * inverse);
+  result.spring = k * stretch;
+  return result;
+}
+
+/// What the link adds to a; b gets the opposite, or in passes 2 and 3 the same.
+__attribute__((always_inline)) Vector force_of(const Place a, const Place b, const Lanes factor_a,
+                                               const Lanes factor_b, const Stored rest, const Law law) {
+  const Vector d = difference(b.x, a.x);
+  const Lanes squared = d.x * d.x + (d.y * d.y + (d.z * d.z + 1e-30f));
+#ifdef RSQRT_IS_EXACT
+  const Lanes inverse = rsqrt(squared);
+#else
+  const Lanes rough = ROUGH_RSQRT(squared);
+  const Lanes inverse = rough * (1.5f - 0.5f * squared * rough * rough);
+#endif
+  const Whole steps = TO_WHOLE(rest);
+  const Lanes rest_length = law.rest_scale * TO_LANES(rest) + law.rest_offset;
+  // No link, or a cut one; and coincident ends, which have no direction.
+  const Lanes acts = steps != (Whole)(0u) ? (Lanes)(1.0f) : (Lanes)(0.0f);
+  const Lanes there = squared > 2e-30f ? acts : (Lanes)(0.0f);
+  Lanes k = law.stiffness * there;
+  Lanes c = law.damping * there;
+#ifdef SCALED_STIFFNESS
+  k *= 0.5f * (factor_a + factor_b);
+#endif
+#ifdef SCALED_DAMPING
+  c *= 0.5f * (factor_a + factor_b);
+#endif
+  const Tensor t = tensor_of(inverse, rest_length, k, c);
+#if IMPLICIT == 2
+  const Vector result = {t.along * d.x * d.x + t.across, t.along * d.y * d.y + t.across,
+                         t.along * d.z * d.z + t.across};
+#elif IMPLICIT == 3
+  const Vector result = {t.along * d.x * d.y, t.along * d.x * d.z, t.along * d.y * d.z};
+#else
+#if IMPLICIT == 1
+  const Lanes h = (Lanes)(law.step);
+  const Vector change = {h * (b.v.x - a.v.x), h * (b.v.y - a.v.y), h * (b.v.z - a.v.z)};
+  const Lanes factor = t.spring + t.along * dot_of(d, change);
+#else
+  const Vector change = difference(b.v, a.v);
+  const Lanes factor = t.along * dot_of(d, change);
+#endif
+  const Vector result = {d.x * factor + t.across * change.x, d.y * factor + t.across * change.y,
+                         d.z * factor + t.across * change.z};
+#endif
+  return result;
+}
+
+/// As in lattice.cl: links that leave the stencil, one by one.
+void overflow_links(Vector* force, __global const float* restrict source, __global const float* restrict factors,
+                    const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
+                    const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
+                    const Law law) {
+  float sums[3 * LANES];
+  for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
+  for (uint n = begin; n < end; ++n) {
+    const uint4 link = overflow[n];
+    const uint lane = link.w >> 16;
+    __global const float* own = source + segment * 6 * LANES + lane;
+    __global const float* other = source + link.x / LANES * 6 * LANES + link.x % LANES;
+    const float4 apart = (float)((int)(link.z << 16) >> 16) * step_x + (float)((int)link.z >> 16) * step_y +
+                         (float)((int)(link.w << 16) >> 16) * step_z;
+    const float dx = other[0] - own[0] + apart.x;
+    const float dy = other[LANES] - own[LANES] + apart.y;
+    const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
+    const float squared = dx * dx + dy * dy + dz * dz;
+    const float rest_length = length_scale * as_float(link.y);
+    if (rest_length == 0.0f || squared < 1e-30f) continue;
+    float k = law.stiffness;
+    float c = law.damping;
+#if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING)
+    const float mean = 0.5f * (factors[segment * LANES + lane] + factors[link.x]);
+#endif
+#ifdef SCALED_STIFFNESS
+    k *= mean;
+#endif
+#ifdef SCALED_DAMPING
+    c *= mean;
+#endif
+    const float inverse = rsqrt(squared);
+    const float stretch = 1.0f - rest_length * inverse;
+    const float across = k * min(fabs(stretch), 1.0f);
+    const float along = (c + (k - across)) * inverse * inverse;
+#if IMPLICIT == 2
+    sums[lane] += along * dx * dx + across;
+    sums[LANES + lane] += along * dy * dy + across;
+    sums[2 * LANES + lane] += along * dz * dz + across;
+#elif IMPLICIT == 3
+    sums[lane] += along * dx * dy;
+    sums[LANES + lane] += along * dx * dz;
+    sums[2 * LANES + lane] += along * dy * dz;
+#else
+#if IMPLICIT == 1
+    const float h = law.step;
+    const float spring = k * stretch;
+#else
+    const float h = 1.0f;
+    const float spring = 0.0f;
+#endif
+    const float ux = h * (other[3 * LANES] - own[3 * LANES]);
+    const float uy = h * (other[4 * LANES] - own[4 * LANES]);
+    const float uz = h * (other[5 * LANES] - own[5 * LANES]);
+    const float factor = spring + along * (dx * ux + dy * uy + dz * uz);
+    sums[lane] += dx * factor + across * ux;
+    sums[LANES + lane] += dy * factor + across * uy;
+    sums[2 * LANES + lane] += dz * factor + across * uz;
+#endif
+  }
+#if LANES == 1
+  const Vector extra = {sums[0], sums[1], sums[2]};
+#elif LANES == 4
+  const Vector extra = {vload4(0, sums), vload4(1, sums), vload4(2, sums)};
+#elif LANES == 8
+  const Vector extra = {vload8(0, sums), vload8(1, sums), vload8(2, sums)};
+#else
+  const Vector extra = {vload16(0, sums), vload16(1, sums), vload16(2, sums)};
+#endif
+  *force = sum(*force, extra);
+}
+
+/// The segment's part of a pass, once the sums over its links are known.
+__attribute__((always_inline)) void advance(const uint segment, Vector a, const Lanes free,
+                                            __global const Lanes* source, __global const Lanes* base,
+                                            __global const Lanes* second, __global const Lanes* third,
+                                            __global Lanes* target, const Lanes drag, const Lanes over_mass,
+                                            const float4 gravity, const float h, const uint mode) {
+  const Lanes by_mass = free * over_mass;
+  __global Lanes* load = (__global Lanes*)second + 6 * segment;
+#if IMPLICIT == 1
+  const Vector v = loaded(source + 6 * segment + 3);
+  const Lanes by_step = (Lanes)(h > 0.0f ? 1.0f / h : 0.0f);
+  const Lanes mass = 1.0f / over_mass;
+  const Vector b = {a.x * by_step - drag * v.x + h * gravity.x * mass,
+                    a.y * by_step - drag * v.y + h * gravity.y * mass,
+                    a.z * by_step - drag * v.z + h * gravity.z * mass};
+  store(b, load);
+  const Vector x = loaded(source + 6 * segment);
+  store(x, target + 6 * segment);
+  const Vector first = {by_mass * b.x, by_mass * b.y, by_mass * b.z};
+  store(first, target + 6 * segment + 3);
+  __global Lanes* before = (__global Lanes*)third + 6 * segment;
+  store(x, before);
+  store(zero_vector(), before + 3);
+#elif IMPLICIT == 2
+  store(a, load + 3);
+#elif IMPLICIT == 3
+  // The largest eigenvalue: q + 2 p, with q the mean and 6 p^2 = |T - q I|^2.
+  const Vector own = loaded(load + 3);
+  const Lanes q = (own.x + own.y + own.z) * (1.0f / 3.0f);
+  const Vector apart = {own.x - q, own.y - q, own.z - q};
+  const Lanes size = dot_of(apart, apart) + 2.0f * dot_of(a, a);
+  const Lanes largest = q + 2.0f * sqrt(size * (1.0f / 6.0f));
+  const Lanes bound = 1.0f + by_mass * (drag + 2.0f * largest);
+  load[3] = largest > 0.0f ? -bound : bound;
+#else
+  __global const float* all = (__global const float*)third;
+  const Lanes own = load[3];
+  const Lanes shared = (Lanes)(all[0]);
+  const Lanes bound = own < 0.0f ? shared : own;
+  const float momentum = gravity.x;
+  const Lanes rate = gravity.y / bound;
+  const Lanes size = (gravity.z > 0.0f ? 0.0f : 1.0f) + gravity.z / bound;
+  const Lanes past = momentum * ((gravity.w > 0.0f ? 0.0f : 1.0f) + gravity.w / bound);
+  const Lanes keep = size * (1.0f + momentum - rate * (1.0f + by_mass * drag));
+  const Lanes gain = rate * by_mass;
+  const Vector u = loaded(source + 6 * segment + 3);
+  const Vector b = loaded(load);
+  __global Lanes* own_target = target + 6 * segment + 3;
+  const Vector before = loaded(own_target);
+  const Vector next = {keep * u.x + gain * (size * a.x + b.x) - past * before.x,
+                       keep * u.y + gain * (size * a.y + b.y) - past * before.y,
+                       keep * u.z + gain * (size * a.z + b.z) - past * before.z};
+  store(next, own_target);
+#endif
+}
