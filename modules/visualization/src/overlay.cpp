@@ -216,4 +216,36 @@ void Overlay::end() {
 
 const std::vector<std::string>& Overlay::texts() const noexcept { return impl_->texts; }
 
+void draw_mark(Overlay& overlay, const Eigen::Vector2d& place, const std::string& words, double scale,
+               const Tile& tile) {
+  constexpr double pi = 3.14159265358979323846;
+  constexpr int corners = 40;
+  const double radius = 11.0 * scale;
+  const auto at = [&](double angle, double distance) {
+    return Eigen::Vector2d(place + distance * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+  };
+  for (const bool rim : {true, false}) {
+    const Rgba color = rim ? Rgba{0, 0, 0, 170} : mark_color;
+    const double width = std::max(1.5, (rim ? 4.5 : 2.0) * scale);
+    for (int n = 0; n < corners; ++n)
+      overlay.line(at(2.0 * pi * n / corners, radius), at(2.0 * pi * (n + 1) / corners, radius), width,
+                   color);
+    // Four ticks towards the point, so that the shape differs from the grab's circle.
+    for (int n = 0; n < 4; ++n)
+      overlay.line(at(pi * (0.25 + 0.5 * n), 0.55 * radius), at(pi * (0.25 + 0.5 * n), 1.45 * radius), width,
+                   color);
+  }
+  Overlay::TextStyle style;
+  style.size_px = legible_px(13.0, scale, tile);
+  if (style.size_px == 0 || words.empty()) return;
+  style.bold = true;
+  style.color = mark_color;
+  style.vertical = Align::middle;
+  // On the side where there is room for it.
+  const bool left = place.x() > 0.5 * tile.view_width;
+  style.horizontal = left ? Align::end : Align::start;
+  const double aside = 1.7 * radius;
+  overlay.text(words, place + Eigen::Vector2d(left ? -aside : aside, 0.0), style);
+}
+
 }  // namespace palpate::visualization

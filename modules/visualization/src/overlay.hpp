@@ -29,6 +29,11 @@ int legible_px(double at_scale_one, double scale, const Tile& tile);
 
 enum class Align { start, middle, end };
 
+class Overlay;
+/// A ring and what it says, dark under light, so that it shows on any ground.
+void draw_mark(Overlay& overlay, const Eigen::Vector2d& place, const std::string& words, double scale,
+               const Tile& tile);
+
 /// Flat things drawn over a view, in pixels of the whole view, y up: filled
 /// shapes first, then text. Laid out anew as a whole between begin() and end();
 /// text that did not change keeps its pixels.

@@ -20,6 +20,9 @@ inline constexpr Rgba quiet_text_color{178, 186, 195, 255};
 inline constexpr Rgba accent_color{47, 179, 166, 255};
 inline constexpr Rgba held_color{232, 64, 52, 255};
 inline constexpr Rgba grab_color{232, 240, 246, 255};
+inline constexpr Rgba anchor_color{112, 184, 255, 255};
+inline constexpr Rgba anchor_rim_color{8, 22, 38, 255};
+inline constexpr Rgba mark_color{255, 208, 64, 255};
 inline constexpr Rgba gap_color{12, 14, 16, 255};
 
 constexpr Rgba with_alpha(Rgba color, std::uint8_t alpha) { return {color.r, color.g, color.b, alpha}; }

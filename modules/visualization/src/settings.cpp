@@ -21,4 +21,11 @@ ViewSettings standard_settings(const core::Volume& volume) {
   return settings;
 }
 
+std::optional<Eigen::Vector3d> place_of(const SceneContent& content, std::uint32_t point) {
+  if (!content.tissue || point >= content.tissue->points.size()) return std::nullopt;
+  const model::PointCloud& points = content.tissue->points;
+  if (!content.positions_mm || content.positions_mm->size() != points.size()) return points.lps_mm(point);
+  return Eigen::Vector3d(points.center_mm + (*content.positions_mm)[point].cast<double>());
+}
+
 }  // namespace palpate::visualization

@@ -83,6 +83,43 @@ void SliceScene::draw_grab(const Projection& projection) {
     overlay_.line(circle[n], circle[(n + 1) % circle.size()], px(1.25), with_alpha(grab_color, 230));
 }
 
+// Those nearer to this slice than to the next one.
+void SliceScene::draw_anchors(const Projection& projection) {
+  if (anchors_old_) {
+    anchors_old_ = false;
+    anchors_here_.clear();
+    const core::ImageGeometry& geometry = content_.volume.geometry();
+    const Eigen::Vector3d middle = slice_center_mm(geometry, frame_.axis, slice());
+    const double reach_mm = 0.5 * geometry.spacing_mm()[frame_.axis];
+    if (content_.anchors) {
+      for (const std::uint32_t point : *content_.anchors) {
+        const auto place = place_of(content_, point);
+        if (place && std::abs((*place - middle).dot(frame_.toward)) <= reach_mm)
+          anchors_here_.push_back(*place);
+      }
+    }
+  }
+  const double half = std::max(1.5, 2.0 * text_scale_);
+  for (const Rgba color : {anchor_rim_color, anchor_color}) {
+    const double size = color.r == anchor_color.r ? half : half + std::max(1.0, text_scale_);
+    for (const Eigen::Vector3d& anchor : anchors_here_) {
+      const Eigen::Vector2d at = on_screen(projection, anchor);
+      overlay_.rectangle(at.x() - size, at.y() - size, at.x() + size, at.y() + size, color);
+    }
+  }
+}
+
+void SliceScene::draw_point_mark(const Tile& tile, const Projection& projection) {
+  if (!content_.mark) return;
+  const auto place = place_of(content_, content_.mark->point);
+  if (!place) return;
+  const core::ImageGeometry& geometry = content_.volume.geometry();
+  const Eigen::Vector3d middle = slice_center_mm(geometry, frame_.axis, slice());
+  // A point of this slice may have moved out of its middle; a voxel is near enough to be pointed at.
+  if (std::abs((*place - middle).dot(frame_.toward)) > geometry.spacing_mm()[frame_.axis]) return;
+  draw_mark(overlay_, on_screen(projection, *place), content_.mark->text, text_scale_, tile);
+}
+
 void SliceScene::draw_crosshair(const Tile& tile, const Projection& projection) {
   const core::ImageGeometry& geometry = content_.volume.geometry();
   Eigen::Vector3d ijk = geometry.to_ijk(settings_.crosshair_mm);

@@ -41,6 +41,9 @@ SliceScene::~SliceScene() { renderer_->RemoveObservers(vtkCommand::StartEvent); 
 void SliceScene::set_content(const SceneContent& content) {
   const bool moved = content.mesh != content_.mesh || content.deformed != content_.deformed;
   const bool reshaped = !same_geometry(content.volume, content_.volume);
+  if (content.anchors != content_.anchors || content.tissue != content_.tissue ||
+      content.positions_mm != content_.positions_mm || reshaped)
+    anchors_old_ = true;
   content_ = content;
   if (voxels_.set_volume(content_.volume)) {
     actor_->SetVisibility(content_.volume.empty() ? 0 : 1);
@@ -85,7 +88,7 @@ void SliceScene::show_voxels() {
 void SliceScene::set_settings(const ViewSettings& settings) {
   const int before = slice();
   settings_ = settings;
-  if (slice() != before) outline_old_ = true;
+  if (slice() != before) outline_old_ = anchors_old_ = true;
   show_voxels();
   actor_->GetProperty()->SetColorWindow(settings_.window);
   actor_->GetProperty()->SetColorLevel(settings_.level);
@@ -182,8 +185,10 @@ void SliceScene::lay_out() {
   if (!content_.volume.empty()) {
     draw_grab(now);
     draw_outline(now);
+    draw_anchors(now);
     // One slice has no other view that its crosshair would lead to.
     if (settings_.show_crosshair && !is_picture()) draw_crosshair(tile, now);
+    draw_point_mark(tile, now);
   }
   draw_frame(tile);
   if (settings_.annotations && !content_.volume.empty()) {

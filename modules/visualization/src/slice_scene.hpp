@@ -65,6 +65,8 @@ class SliceScene {
   void update_outline();
   void draw_outline(const Projection& projection);
   void draw_grab(const Projection& projection);
+  void draw_anchors(const Projection& projection);
+  void draw_point_mark(const Tile& tile, const Projection& projection);
   void draw_crosshair(const Tile& tile, const Projection& projection);
   void draw_frame(const Tile& tile);
   void draw_corner_text(const Tile& tile);
@@ -85,6 +87,8 @@ class SliceScene {
   Tile tile_;
   std::vector<Eigen::Vector3f> outline_;
   bool outline_old_ = true;
+  std::vector<Eigen::Vector3d> anchors_here_;  ///< that lie in the slice
+  bool anchors_old_ = true;
   double lower_letter_px_ = 0.0;
   vtkNew<vtkRenderer> renderer_;
   Overlay overlay_;

@@ -213,7 +213,9 @@ void TissueScene::lay_out() {
   held_.actor->GetProperty()->SetPointSize(static_cast<float>(1.25 * size + 1.0));
   links_.actor->GetProperty()->SetLineWidth(static_cast<float>(std::max(1.0, std::floor(text_scale_))));
   box_.actor->GetProperty()->SetLineWidth(static_cast<float>(std::max(1.0, std::round(text_scale_))));
+  place_anchors(tile);
   overlay_.begin(tile);
+  draw_point_mark(tile);
   if (settings_.annotations && !content_.volume.empty()) {
     draw_corner_text(tile);
     if (content_.orientation_known)
@@ -222,6 +224,39 @@ void TissueScene::lay_out() {
       draw_axes(tile);
   }
   overlay_.end();
+}
+
+// Anchors lie half a voxel inside the surface; drawn nearer to the eye by that
+// much they are seen from their own side and stay hidden from the other.
+void TissueScene::place_anchors(const Tile& tile) {
+  if (!content_.tissue || anchor_places_.empty()) return;
+  const double spacing_mm = content_.tissue->spacing_mm.maxCoeff();
+  const Eigen::Vector3d toward = axes_of(camera()).col(2);
+  const double size = std::clamp(0.55 * spacing_mm / mm_per_px(tile), 3.0 * text_scale_, 10.0 * text_scale_);
+  const auto put = [&](SharedGeometry& part, double nearer_mm, double size_px) {
+    const Eigen::Vector3d at = content_.tissue->points.center_mm + toward * nearer_mm;
+    part.actor->SetPosition(at.x(), at.y(), at.z());
+    part.actor->GetProperty()->SetPointSize(static_cast<float>(size_px));
+  };
+  put(anchor_rims_, 1.0 * spacing_mm, size + 2.0 * std::max(1.0, text_scale_));
+  put(anchors_, 1.1 * spacing_mm, size);
+}
+
+void TissueScene::draw_point_mark(const Tile& tile) {
+  if (!content_.mark) return;
+  const auto place = place_of(content_, content_.mark->point);
+  if (!place) return;
+  const interaction::Camera now = camera();
+  const Eigen::Matrix3d axes = axes_of(now);
+  const Eigen::Vector3d offset = *place - now.position_mm;
+  const double depth = -offset.dot(axes.col(2));
+  if (!now.parallel && !(depth > 0.0)) return;  // behind the eye
+  const double half_height =
+      now.parallel ? now.parallel_scale_mm : depth * std::tan(radians(0.5 * now.view_angle_deg));
+  const double px_per_mm = 0.5 * tile.view_height / half_height;
+  const Eigen::Vector2d middle(0.5 * tile.view_width, 0.5 * tile.view_height);
+  draw_mark(overlay_, middle + px_per_mm * Eigen::Vector2d(offset.dot(axes.col(0)), offset.dot(axes.col(1))),
+            content_.mark->text, text_scale_, tile);
 }
 
 void TissueScene::draw_corner_text(const Tile& tile) {

@@ -81,7 +81,7 @@ SharedGeometry::SharedGeometry() {
 
 TissueScene::TissueScene() : overlay_(*renderer_) {
   add_lights();
-  for (SharedGeometry* part : {&surface_, &points_, &links_, &held_, &box_, &grab_})
+  for (SharedGeometry* part : {&surface_, &points_, &links_, &held_, &anchor_rims_, &anchors_, &box_, &grab_})
     renderer_->AddActor(part->actor);
   vtkProperty* skin = surface_.actor->GetProperty();
   set_color(skin, flesh_color(0.5));
@@ -102,7 +102,13 @@ TissueScene::TissueScene() : overlay_(*renderer_) {
     part->actor->GetProperty()->SetSpecular(0.10);
   }
   set_color(held_.actor->GetProperty(), held_color);
-  for (SharedGeometry* part : {&links_, &box_}) part->actor->GetProperty()->LightingOff();
+  // Flat squares with a dark rim: what moves is round.
+  set_color(anchors_.actor->GetProperty(), anchor_color);
+  set_color(anchor_rims_.actor->GetProperty(), anchor_rim_color);
+  for (SharedGeometry* part : {&anchors_, &anchor_rims_})
+    part->actor->GetProperty()->SetRepresentationToPoints();
+  for (SharedGeometry* part : {&links_, &box_, &anchors_, &anchor_rims_})
+    part->actor->GetProperty()->LightingOff();
   set_color(box_.actor->GetProperty(), {150, 160, 172, 120});
   sphere_->SetThetaResolution(48);
   sphere_->SetPhiResolution(32);
@@ -164,6 +170,9 @@ void TissueScene::set_content(const SceneContent& content) {
   if (old.tissue != content_.tissue || old.positions_mm != content_.positions_mm ||
       old.held_points != content_.held_points)
     update_held();
+  if (old.tissue != content_.tissue || old.positions_mm != content_.positions_mm ||
+      old.anchors != content_.anchors)
+    update_anchors();
   if (reshaped || old.mesh != content_.mesh || old.tissue != content_.tissue)
     extent_ = sphere_around(content_);
   if (reshaped) {
@@ -277,6 +286,31 @@ void TissueScene::update_held() {
   held_.data->Modified();
 }
 
+// They stay where they are while the others move, so there is rarely anything new to tell VTK.
+void TissueScene::update_anchors() {
+  std::vector<Eigen::Vector3f> places;
+  if (content_.anchors && content_.tissue) {
+    const bool moved =
+        content_.positions_mm && content_.positions_mm->size() == content_.tissue->points.size();
+    const auto& all = moved ? *content_.positions_mm : content_.tissue->points.positions_mm;
+    for (const std::uint32_t p : *content_.anchors)
+      if (p < all.size()) places.push_back(all[p]);
+  }
+  if (places == anchor_places_) return;
+  anchor_places_ = std::move(places);
+  std::vector<std::array<std::uint32_t, 1>> single(anchor_places_.size());
+  for (std::size_t p = 0; p < single.size(); ++p) single[p] = {static_cast<std::uint32_t>(p)};
+  const vtkNew<vtkCellArray> verts = cells_of(single, 1);
+  for (SharedGeometry* part : {&anchor_rims_, &anchors_}) {
+    part->points->Reset();
+    for (const Eigen::Vector3f& place : anchor_places_)
+      part->points->InsertNextPoint(place.x(), place.y(), place.z());
+    part->data->SetVerts(verts);
+    part->points->Modified();
+    part->data->Modified();
+  }
+}
+
 void TissueScene::update_box() {
   box_.points->Reset();
   if (content_.volume.empty()) return;
@@ -314,6 +348,8 @@ void TissueScene::update_visibility() {
   points_.actor->SetVisibility(show == Show::points && has_points ? 1 : 0);
   links_.actor->SetVisibility(show == Show::links && has_points ? 1 : 0);
   held_.actor->SetVisibility(held_.points->GetNumberOfPoints() > 0 ? 1 : 0);
+  for (SharedGeometry* part : {&anchor_rims_, &anchors_})
+    part->actor->SetVisibility(anchor_places_.empty() ? 0 : 1);
   box_.actor->SetVisibility(content_.volume.empty() ? 0 : 1);
   grab_.actor->SetVisibility(content_.grab ? 1 : 0);
   // Before there is any tissue the three slices stand in the box.

@@ -83,6 +83,7 @@ class TissueScene {
   void update_points();
   void update_point_places();
   void update_held();
+  void update_anchors();
   void update_box();
   void update_visibility();
   Show shown() const;
@@ -91,6 +92,8 @@ class TissueScene {
   void draw_corner_text(const Tile& tile);
   void draw_cube(const Tile& tile);
   void draw_axes(const Tile& tile);
+  void place_anchors(const Tile& tile);
+  void draw_point_mark(const Tile& tile);
 
   SceneContent content_;
   ViewSettings settings_;
@@ -110,9 +113,12 @@ class TissueScene {
   SharedGeometry points_;
   SharedGeometry links_;
   SharedGeometry held_;
+  SharedGeometry anchor_rims_;
+  SharedGeometry anchors_;
   SharedGeometry box_;
   SharedGeometry grab_;
   vtkNew<vtkSphereSource> sphere_;
+  std::vector<Eigen::Vector3f> anchor_places_;  ///< relative to the tissue's centre
   VoxelImage voxels_;
   std::array<vtkNew<vtkImageSliceMapper>, 3> slice_mappers_;
   std::array<vtkNew<vtkImageSlice>, 3> slices_;

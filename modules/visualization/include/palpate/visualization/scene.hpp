@@ -27,21 +27,32 @@ struct GrabMarker {
   double radius_mm = 5.0;
 };
 
+/// A point that the views point out, by a ring with words in all of them.
+struct PointMark {
+  std::uint32_t point = 0;
+  std::string text;
+};
+
 /// What is drawn. A value; big things are shared and never written after they
 /// were handed over. Anything may be absent.
 struct SceneContent {
   core::Volume volume;
-  bool spacing_assumed = false;                              ///< lengths are then in voxels
-  std::string spacing_badge;                                 ///< "stated", "assumed", ...
-  std::string frame_text;                                    ///< "frame 3 of 8 · 0.40 s"; empty for one frame
-  bool orientation_known = false;                            ///< letters R L A P S I only then
-  std::shared_ptr<const core::TriangleMesh> mesh;            ///< at rest, with topology
+  bool spacing_assumed = false;                    ///< lengths are then in voxels
+  std::string spacing_badge;                       ///< "stated", "assumed", ...
+  std::string frame_text;                          ///< "frame 3 of 8 · 0.40 s"; empty for one frame
+  bool orientation_known = false;                  ///< letters R L A P S I only then
+  std::shared_ptr<const core::TriangleMesh> mesh;  ///< at rest, with topology
   std::shared_ptr<const surface::DeformedSurface> deformed;  ///< null: at rest
   std::shared_ptr<const model::Tissue> tissue;
   std::shared_ptr<const std::vector<Eigen::Vector3f>> positions_mm;  ///< relative to centre; null: at rest
   std::vector<std::uint32_t> held_points;                            ///< drawn red
   std::optional<GrabMarker> grab;
+  std::shared_ptr<const std::vector<std::uint32_t>>
+      anchors;  ///< points that never move: squares; may be null
+  std::optional<PointMark> mark;
 };
+/// Where a point of the content's tissue lies now, in LPS; none where it has no such point.
+std::optional<Eigen::Vector3d> place_of(const SceneContent& content, std::uint32_t point);
 
 /// How it is drawn.
 struct ViewSettings {
