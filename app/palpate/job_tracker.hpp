@@ -28,7 +28,7 @@ struct JobStatus {
 };
 
 /// Jobs of one lane replace each other: a new one cancels those before it.
-enum class JobLane { open, frame, filter, estimate, tissue, picture, preview, devices };
+enum class JobLane { open, frame, filter, mask, estimate, tissue, anchors, picture, preview, devices };
 
 /// Runs long work in one thread, in order. Each job has an epoch number; the
 /// result of a job that was cancelled or replaced is dropped when it arrives,

@@ -140,6 +140,10 @@ void MainWindow::wire_views() {
   connect(status_, &StatusStrip::placeRequested, this, [this](double x_mm, double y_mm, double z_mm) {
     state_.set_crosshair({x_mm, y_mm, z_mm});
   });
+  connect(&workbench_, &Workbench::limitShown, this, [this] {
+    const auto place = workbench_.limiting_place_mm();
+    if (workbench_.limiting_point_shown() && place) state_.set_crosshair(*place);
+  });
   status_->watch([this] { return views_->frames_per_second(); },
                  [this] { return views_->tissue_view().renderer_name(); });
 }
@@ -154,7 +158,8 @@ void MainWindow::wire_simulation() {
   connect(ui_->actionRedo, &QAction::triggered, &workbench_, &Workbench::redo);
   for (const auto signal :
        {&Workbench::volumeOpened, &Workbench::tissueBuilt, &Workbench::tissueDropped,
-        &Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::frameArrived}) {
+        &Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::simulationStopped,
+        &Workbench::anchorsChanged, &Workbench::frameArrived}) {
     connect(&workbench_, signal, this, &MainWindow::refresh_actions);
   }
 }
@@ -163,7 +168,8 @@ void MainWindow::wire_simulation() {
 void MainWindow::wire_results() {
   connect(&workbench_, &Workbench::problemFound, messages_, &MessageBar::show_problem);
   connect(messages_, &MessageBar::referenceRequested, this,
-          [this] { workbench_.set_device(QStringLiteral("reference")); });
+          [this] { workbench_.go_on_with(QStringLiteral("reference")); });
+  connect(messages_, &MessageBar::deviceRequested, &workbench_, &Workbench::go_on_with);
   connect(&workbench_, &Workbench::volumeOpened, this, [this] {
     messages_->hide();
     ui_->centre->setCurrentWidget(views_);
@@ -247,9 +253,8 @@ void MainWindow::choose_folder() {
 
 void MainWindow::choose_series(const QString&, const std::vector<imaging::SeriesSummary>& series) {
   auto* dialog = new SeriesDialog(series, this);
-  connect(
-      dialog, &SeriesDialog::seriesChosen, this,
-      [this](const QString& path, const QString& uid) { workbench_.open(path, uid.toStdString()); });
+  connect(dialog, &SeriesDialog::seriesChosen, this,
+          [this](const QString& path, const QString& uid) { workbench_.open(path, uid.toStdString()); });
   dialog->open();
 }
 

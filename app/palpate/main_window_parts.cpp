@@ -198,7 +198,7 @@ void MainWindow::refresh_actions() {
   ui_->actionRedo->setText(workbench_.redoes_filter() ? tr("&Redo filter") : tr("&Redo"));
   ui_->actionUndo->setToolTip(workbench_.undoes_filter()
                                   ? tr("Undo the last filter; tissue made from it is dropped (Ctrl+Z)")
-                                  : tr("Undo the last pull or reset (Ctrl+Z)"));
+                                  : tr("Undo the last pull, reset or anchor stroke (Ctrl+Z)"));
   ui_->actionPlayPause->setText(workbench_.playing() ? tr("&Pause") : tr("&Play"));
 }
 

@@ -59,8 +59,14 @@ void MessageBar::show_kind(const char* kind, const char* icon_name, const QColor
 
 void MessageBar::show_problem(const Problem& problem) {
   problem_ = problem;
-  action_->hide();
-  ui_->messageOffer->setVisible(problem.offer == Problem::Offer::reference_device);
+  const bool elsewhere = problem.offer == Problem::Offer::other_device;
+  action_->setVisible(elsewhere);
+  if (elsewhere) {
+    action_->setText(tr("Go on with %1").arg(problem.other_device_name));
+    action_->setToolTip(tr("Run the simulation on this device, from what is on the screen"));
+    act_ = [this, selector = problem.other_device] { emit deviceRequested(selector); };
+  }
+  ui_->messageOffer->setVisible(problem.offer != Problem::Offer::none);
   ui_->messageDetailsButton->setVisible(!problem.details.isEmpty());
   ui_->messageCopyButton->show();
   ui_->messageDetails->setPlainText(problem.details);

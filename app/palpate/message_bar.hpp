@@ -29,6 +29,7 @@ class MessageBar : public QFrame {
 
  signals:
   void referenceRequested();
+  void deviceRequested(const QString& selector);
 
  private:
   void show_kind(const char* kind, const char* icon_name, const QColor& color, const QString& text);

@@ -168,6 +168,7 @@ void SessionKeeper::save(const QString& path) {
        scan = scans_](const core::Progress& progress) mutable -> JobTracker::Delivery {
         auto& sum = now.recipe.input.sha256;
         if (sum.empty()) sum = session::file_sha256(now.recipe.input.path, progress);
+        session::note_label_checksums(now.recipe);  // as they are now
         session::save_session(native_path(path), now);
         return [this, text, path, scan] {
           if (scan == scans_) {  // else another was opened meanwhile

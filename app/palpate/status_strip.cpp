@@ -195,13 +195,14 @@ void StatusStrip::explain_step() {
   QAction* automatic = menu.addAction(tr("Use the automatic step"));
   automatic->setObjectName(QStringLiteral("automaticStep"));
   automatic->setEnabled(workbench_.recipe().simulation.step_s.has_value());
-  QAction* show = menu.addAction(tr("Show the point with the crosshair"));
+  QAction* show = menu.addAction(tr("Show the point that limits it"));
   const QAction* chosen = menu.exec(gauge_->mapToGlobal(QPoint(0, -menu.sizeHint().height())));
   if (chosen == automatic && automatic->isEnabled()) {
     session::SimulationSettings settings = workbench_.recipe().simulation;
     settings.step_s.reset();
     workbench_.set_simulation(settings);
   } else if (chosen == show) {
+    workbench_.show_limiting_point(true);
     emit placeRequested(place.x(), place.y(), place.z());
   }
 }

@@ -30,6 +30,13 @@ const QVector<ToolDescription>& tools() {
        {{words("Left press on tissue"), words("takes hold of what lies within the radius")},
         {words("Left drag"), words("pulls it along")},
         {words("Let go"), words("the tissue swings back; Ctrl+Z undoes the pull")}}},
+      {Tool::anchor,
+       words("Anchor"),
+       "anchor",
+       words("Paints points that never move, such as where the tissue hangs on its neighbours."),
+       {{words("Left drag on tissue"), words("fixes the points within the radius")},
+        {words("Ctrl + left drag"), words("frees them again")},
+        {words("Let go"), words("ends the stroke; Ctrl+Z undoes it")}}},
   };
   return list;
 }
@@ -51,7 +58,7 @@ const QVector<Binding>& common_bindings() {
       {QStringLiteral("← →"), words("slice by slice")},
       {QStringLiteral("R"), words("fit the view")},
       {words("Space"), words("play and pause")},
-      {QStringLiteral("1  2  3"), words("navigate, window/level, grab")},
+      {QStringLiteral("1  2  3  4"), words("navigate, window/level, grab, anchor")},
       {QStringLiteral("Ctrl+Z  Ctrl+Shift+Z"), words("undo, redo")},
       {QStringLiteral("Ctrl+Shift+P"), words("save a picture")},
       {QStringLiteral("F11"), words("full screen")},

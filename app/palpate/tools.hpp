@@ -6,7 +6,7 @@
 namespace palpate::gui {
 
 /// What the left mouse button does in the views.
-enum class Tool { navigate, window_level, grab };
+enum class Tool { navigate, window_level, grab, anchor };
 
 struct Binding {
   QString keys;    ///< "Wheel", "Left drag"

@@ -27,8 +27,9 @@ TransportBar::TransportBar(Workbench& workbench, QWidget* parent)
           [this] { workbench_.playing() ? workbench_.pause() : workbench_.play(); });
   connect(ui_->stepButton, &QToolButton::clicked, &workbench_, &Workbench::step_once);
   connect(ui_->resetButton, &QToolButton::clicked, &workbench_, &Workbench::reset);
-  for (const auto signal : {&Workbench::simulationStarted, &Workbench::simulationReady,
-                            &Workbench::tissueDropped, &Workbench::frameArrived}) {
+  for (const auto signal :
+       {&Workbench::simulationStarted, &Workbench::simulationReady, &Workbench::simulationStopped,
+        &Workbench::tissueDropped, &Workbench::frameArrived}) {
     connect(&workbench_, signal, this, &TransportBar::refresh);
   }
   refresh();
@@ -47,6 +48,8 @@ void TransportBar::refresh() {
   const auto& frame = workbench_.last_frame();
   if (!workbench_.has_tissue()) {
     ui_->timeLabel->setText(QString());
+  } else if (workbench_.simulation_stopped()) {
+    ui_->timeLabel->setText(tr("Stopped at t = %1 s").arg(frame ? frame->time_s : 0.0, 0, 'f', 2));
   } else if (!ready) {
     ui_->timeLabel->setText(tr("Preparing the device…"));
   } else {

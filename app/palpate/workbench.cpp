@@ -54,6 +54,9 @@ visualization::SceneContent Workbench::content() const {
   content.orientation_known = info_.patient_axes;
   content.mesh = surface_.mesh;
   if (built_) content.tissue = built_->tissue;
+  content.anchors = anchors_;
+  if (const auto limit = step_limit(); limit && limit_shown_)
+    content.mark = visualization::PointMark{limit->worst_point, tr("limits the step").toStdString()};
   if (frame_) {
     content.deformed = frame_->surface;
     content.positions_mm = frame_->positions_mm;
@@ -71,6 +74,8 @@ void Workbench::drop_tissue() {
   const bool had = built_.has_value();
   built_.reset();
   surface_ = {};
+  limit_shown_ = false;
+  forget_anchors();
   if (had) emit tissueDropped();
 }
 
@@ -78,6 +83,33 @@ void Workbench::set_tissue_parameters(const model::TissueParameters& parameters)
   recipe_.tissue = parameters;
   emit tissueParametersChanged();
   start_estimate();
+}
+
+void Workbench::set_mask(const session::MaskSettings& mask) {
+  jobs_.cancel_lane(JobLane::mask);
+  if (!mask.path || mask.path == recipe_.mask.path || !has_volume()) {
+    recipe_.mask = mask;
+    emit tissueParametersChanged();
+    start_estimate();
+    return;
+  }
+  session::Recipe wanted = recipe_;
+  wanted.mask = mask;
+  const QString name = QFileInfo(QString::fromStdString(mask.path->string())).fileName();
+  jobs_.start(
+      JobLane::mask, tr("Reading %1").arg(name),
+      [this, volume = filtered_, wanted](const core::Progress& progress) -> JobTracker::Delivery {
+        session::estimate_tissue(volume, wanted, progress);
+        return [this, mask = wanted.mask] {
+          recipe_.mask = mask;
+          emit tissueParametersChanged();
+          start_estimate();
+        };
+      },
+      [this](const core::Error& error) {
+        fail(error);
+        emit tissueParametersChanged();  // what was chosen did not come about
+      });
 }
 
 void Workbench::set_face_budget(int faces) { recipe_.surface.face_budget = faces; }
@@ -121,23 +153,31 @@ void Workbench::build_tissue() {
        recipe = recipe_](const core::Progress& progress) -> JobTracker::Delivery {
         const double begin = filtered ? 0.0 : 0.5;
         const core::Volume source =
-            filtered ? volume
-                     : session::filter_volume(volume, recipe.filters, options, progress.part(0.0, begin)).volume;
+            filtered
+                ? volume
+                : session::filter_volume(volume, recipe.filters, options, progress.part(0.0, begin)).volume;
         const core::Progress rest = progress.part(begin, 1.0);
         auto built = std::make_shared<session::BuiltTissue>(
             session::build_tissue(source, recipe, rest.part(0.0, 0.6)));
         auto surface = std::make_shared<session::BoundSurface>(
             session::build_surface(source, *built, recipe, rest.part(0.6, 1.0)));
         return [this, built, surface, frame = recipe.input.frame] {
-          stop_driver();
-          built_ = std::move(*built);
-          surface_ = std::move(*surface);
-          tissue_frame_ = frame;
-          emit tissueBuilt();
-          start_driver();
+          take_tissue(std::move(*built), std::move(*surface), frame);
         };
       },
       [this](const core::Error& error) { fail(error); });
+}
+
+void Workbench::take_tissue(session::BuiltTissue built, session::BoundSurface surface, int frame) {
+  stop_driver();
+  forget_anchors();
+  built_ = std::move(built);
+  surface_ = std::move(surface);
+  tissue_frame_ = frame;
+  emit tissueBuilt();
+  find_anchors();
+  start_driver();
+  warn(built_->warnings);
 }
 
 void Workbench::save_picture(const QString& path, const visualization::ViewSettings& settings,
@@ -165,6 +205,16 @@ void Workbench::preview_picture(const visualization::ViewSettings& settings,
         return [this, picture] { emit previewDrawn(*picture); };
       },
       [this](const core::Error& error) { emit previewFailed(QString::fromUtf8(error.what())); });
+}
+
+void Workbench::warn(const std::vector<core::Warning>& warnings) {
+  for (const auto& warning : warnings) {
+    Problem problem;
+    problem.warning = true;
+    problem.code = QString::fromStdString(warning.code);
+    problem.text = QString::fromStdString(warning.text);
+    emit problemFound(problem);
+  }
 }
 
 void Workbench::fail(const core::Error& error) {

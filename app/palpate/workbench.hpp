@@ -28,12 +28,14 @@ namespace palpate::gui {
 
 /// What went wrong, as the message bar shows it.
 struct Problem {
-  enum class Offer { none, reference_device };
+  enum class Offer { none, reference_device, other_device };
   bool warning = false;  ///< the work goes on
   QString text;          ///< one sentence for people
   QString code;
   QString details;
   Offer offer = Offer::none;
+  QString other_device;  ///< its selector, where that is offered
+  QString other_device_name;
 };
 
 class ScannerMemory;
@@ -42,6 +44,14 @@ class ScannerMemory;
 struct DeviceChoice {
   QString selector;  ///< as compute::open_device takes it, or "reference"
   QString text;
+};
+
+/// What the step is held against: the limit of the state that is shown, or of
+/// the tissue at rest until a device is ready.
+struct StepLimit {
+  double step_s = 0.0;
+  std::uint32_t worst_point = 0;
+  bool is_estimate = false;  ///< of the converged eigenvalue; else the quick bound
 };
 
 /// The session behind the window, without widgets: recipe, results of the
@@ -75,6 +85,8 @@ class Workbench : public QObject {
   const std::optional<session::Frame>& last_frame() const { return frame_; }
   bool playing() const { return frame_ && frame_->playing; }
   bool simulation_ready() const { return driver_ != nullptr && ready_; }
+  /// The device was lost, or the simulation ended: its last state stays on the screen.
+  bool simulation_stopped() const { return stopped_; }
   const QString& device() const { return device_; }
   /// Of the scan, for titles; a file's name, never what its header says.
   QString input_name() const;
@@ -128,13 +140,25 @@ class Workbench : public QObject {
   void set_filter_history_budget(std::size_t bytes) { filter_history_.set_budget(bytes); }
   // Tissue
   void set_tissue_parameters(const model::TissueParameters& parameters);
+  /// A file that was not read before is read first: one that does not fit costs
+  /// nothing.
+  void set_mask(const session::MaskSettings& mask);
   void set_face_budget(int faces);
   /// The surface is this mesh, or that of the scan where the path is empty.
   void set_surface_mesh(const QString& path, surface::MeshSpace space);
   void build_tissue();
   // Simulate
+  /// Live, where there is a simulation. A label file of anchors is read first,
+  /// as a mask is.
   void set_simulation(const session::SimulationSettings& settings);
   void set_device(const QString& selector);
+  /// From the last state that was shown, after a device was lost.
+  void go_on_with(const QString& selector);
+  std::optional<StepLimit> step_limit() const;
+  /// Marks the point that limits the step in the views.
+  void show_limiting_point(bool shown);
+  bool limiting_point_shown() const { return limit_shown_; }
+  std::optional<Eigen::Vector3d> limiting_place_mm() const;
   void find_devices();
   void play();
   void pause();
@@ -153,6 +177,16 @@ class Workbench : public QObject {
   void grab(const interaction::Ray& ray, const interaction::PickReach& reach);
   void drag(const interaction::Ray& ray);
   void release();
+  // Anchors
+  /// Points that never move; null where there are none.
+  const std::shared_ptr<const std::vector<std::uint32_t>>& anchors() const { return anchors_; }
+  /// A stroke of the brush, which is one step of the undo.
+  void begin_anchor_stroke(bool frees);
+  void paint_anchors(const interaction::Ray& ray, const interaction::PickReach& reach);
+  void end_anchor_stroke();
+  void clear_painted_anchors();
+  /// The brush takes anchors away, also without a key.
+  void set_brush_frees(bool frees) { brush_frees_ = frees; }
   // Picture
   void save_picture(const QString& path, const visualization::ViewSettings& settings,
                     const visualization::PictureRequest& request);
@@ -179,6 +213,9 @@ class Workbench : public QObject {
   void simulationStarted();  ///< a driver was made; its device may still be prepared
   void simulationReady();
   void simulationSettingsChanged();
+  void simulationStopped();
+  void anchorsChanged();
+  void limitShown();  ///< the mark of the limiting point came or went
   void frameArrived();
   void devicesFound(const QVector<palpate::gui::DeviceChoice>& devices);
   void pictureSaved(const QString& path);
@@ -188,6 +225,11 @@ class Workbench : public QObject {
 
  private:
   struct OpenedScan;
+  /// What was painted before a step, and how many pulls lay before it.
+  struct AnchorStep {
+    std::vector<session::AnchorDab> painted;
+    int pulls = 0;
+  };
   void list_series(const session::InputSettings& input, const core::Error& why);
   void take_scan(OpenedScan scan);
   bool scan_memory_applies(const core::VolumeInfo& info, const std::string& orientation) const;
@@ -204,13 +246,27 @@ class Workbench : public QObject {
   bool simulation_can_undo() const;
   bool simulation_can_redo() const;
   void drop_tissue();
+  void take_tissue(session::BuiltTissue built, session::BoundSurface surface, int frame);
   void start_estimate();
   void run_estimate();
-  void start_driver();
+  void check_anchor_file(const session::AnchorSettings& anchors);
+  void take_anchors(const session::AnchorSettings& anchors);
+  void find_anchors();
+  void lay_anchors();
+  void put_anchor_step(std::vector<session::AnchorDab> before);
+  bool anchors_undo_first() const;
+  bool anchors_redo_first() const;
+  void forget_anchors();
+  void exchange_painted(std::vector<AnchorStep>& from, std::vector<AnchorStep>& to);
+  void undo_simulation();
+  void redo_simulation();
+  void start_driver(std::optional<simulation::State> from = std::nullopt);
   void stop_driver();
   void retire_driver();
   void take_frame();
+  void offer_way_on(Problem& problem);
   void on_event(quint64 epoch, const session::DriverEvent& event);
+  void warn(const std::vector<core::Warning>& warnings);
   void fail(const core::Error& error);
 
   session::Recipe recipe_;
@@ -228,6 +284,17 @@ class Workbench : public QObject {
   /// Held firmly, the tissue stays with the hand; a soft grab lets it slip out behind.
   interaction::SelectionKind grab_kind_ = interaction::SelectionKind::connected;
   bool ready_ = false;
+  bool stopped_ = false;
+  bool limit_shown_ = false;
+  QVector<DeviceChoice> devices_;
+  std::vector<std::uint32_t> rule_anchors_;  ///< without what was painted
+  std::shared_ptr<const std::vector<std::uint32_t>> anchors_;
+  std::vector<AnchorStep> anchor_undo_;
+  std::vector<AnchorStep> anchor_redo_;
+  int pulls_ = 0;  ///< that the driver can undo
+  std::optional<std::vector<session::AnchorDab>> stroke_before_;
+  bool stroke_frees_ = false;
+  bool brush_frees_ = false;
   ScannerMemory* scanner_memory_ = nullptr;
   bool remembered_ = false;
   std::size_t frame_budget_bytes_ = standard_frame_budget();

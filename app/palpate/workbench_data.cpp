@@ -132,7 +132,8 @@ void Workbench::list_series(const session::InputSettings& input, const core::Err
 
 // The scan that was open stays until the new one is there: a bad file costs nothing.
 void Workbench::take_scan(OpenedScan scan) {
-  for (const auto lane : {JobLane::filter, JobLane::frame}) jobs_.cancel_lane(lane);
+  for (const auto lane : {JobLane::filter, JobLane::frame, JobLane::mask, JobLane::anchors})
+    jobs_.cancel_lane(lane);
   frame_jobs_.cancel_all();
   wanted_frame_.reset();
   scan_playing_ = false;
@@ -149,6 +150,8 @@ void Workbench::take_scan(OpenedScan scan) {
   recipe_.tissue.threshold_high = std::numeric_limits<double>::infinity();
   recipe_.tissue.crop.reset();
   recipe_.surface.mesh.reset();  // it lies where the scan before lay
+  recipe_.mask = {};
+  recipe_.simulation.anchors = {};
   file_info_ = std::move(scan.info);
   info_ = restated(file_info_, recipe_.input.spacing_mm, recipe_.input.orientation);
   frames_ = std::move(scan.frames);
@@ -159,6 +162,7 @@ void Workbench::take_scan(OpenedScan scan) {
   emit volumeOpened();
   emit tissueParametersChanged();
   emit surfaceSourceChanged();
+  emit simulationSettingsChanged();
   if (remembered_) emit orientationRemembered(QString::fromStdString(recipe_.input.orientation));
   start_estimate();
 }
@@ -193,6 +197,7 @@ void Workbench::restate() {
   wanted_frame_.reset();
   for (const auto lane : {JobLane::filter, JobLane::frame}) jobs_.cancel_lane(lane);
   drop_tissue();
+  recipe_.simulation.anchors.painted.clear();  // by places that are others now
   info_ = restated(file_info_, recipe_.input.spacing_mm, recipe_.input.orientation);
   volume_ = laid_out(volume_, info_.geometry);
   filtered_ = volume_;  // what was filtered may hang on the spacing

@@ -48,13 +48,7 @@ void Workbench::take_filters(const AppliedFilters& applied, const std::vector<co
   if (!(applied.chain == recipe_.filters)) filter_history_.put(applied_filters());
   show_filters(applied);
   emit filtersApplied();
-  for (const auto& warning : warnings) {
-    Problem problem;
-    problem.warning = true;
-    problem.code = QString::fromStdString(warning.code);
-    problem.text = QString::fromStdString(warning.text);
-    emit problemFound(problem);
-  }
+  warn(warnings);
 }
 
 void Workbench::show_filters(const AppliedFilters& applied) {
@@ -74,14 +68,12 @@ bool Workbench::can_undo() const { return simulation_can_undo() || filter_histor
 bool Workbench::can_redo() const {
   return simulation_can_redo() || (filter_history_.can_redo() && !simulation_can_undo());
 }
-bool Workbench::simulation_can_undo() const { return simulation_ready() && frame_ && frame_->can_undo; }
-bool Workbench::simulation_can_redo() const { return simulation_ready() && frame_ && frame_->can_redo; }
 
 // What was done last goes first: pulls lie after the filter that the tissue was
 // made from. A filter that is undone takes the tissue with it.
 void Workbench::undo() {
   if (simulation_can_undo()) {
-    driver_->undo();
+    undo_simulation();
   } else if (filter_history_.can_undo()) {
     jobs_.cancel_lane(JobLane::filter);
     show_filters(filter_history_.undo(applied_filters()));
@@ -90,7 +82,7 @@ void Workbench::undo() {
 
 void Workbench::redo() {
   if (simulation_can_redo()) {
-    driver_->redo();
+    redo_simulation();
   } else if (can_redo()) {
     jobs_.cancel_lane(JobLane::filter);
     show_filters(filter_history_.redo(applied_filters()));

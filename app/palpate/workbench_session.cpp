@@ -15,6 +15,7 @@ struct MadeSession {
   core::Volume filtered;
   std::optional<session::BuiltTissue> built;
   session::BoundSurface surface;
+  std::vector<core::Warning> warnings;
 };
 
 core::Volume filtered_of(const core::Volume& volume, const session::Recipe& recipe,
@@ -35,6 +36,8 @@ void Workbench::open_session(const session::Session& session, std::function<void
         auto scan = std::make_shared<OpenedScan>();
         auto made = std::make_shared<MadeSession>();
         scan->input = recipe.input;
+        session::Recipe noted = recipe;
+        made->warnings = session::note_label_checksums(noted);
         const auto store = std::make_shared<imaging::FrameStore>(
             recipe.input.path, file_options(recipe.input), budget_bytes, progress.part(0.0, 0.3));
         scan->info = store->info();
@@ -68,13 +71,9 @@ void Workbench::open_session(const session::Session& session, std::function<void
           emit frameShown();
           if (!recipe_.filters.empty()) emit volumeFiltered();
           start_estimate();
-          if (made->built) {
-            built_ = std::move(made->built);
-            surface_ = std::move(made->surface);
-            tissue_frame_ = *session.tissue_frame;
-            emit tissueBuilt();
-            start_driver();
-          }
+          warn(made->warnings);
+          if (made->built)
+            take_tissue(std::move(*made->built), std::move(made->surface), *session.tissue_frame);
           if (opened) opened();
         };
       },

@@ -5,14 +5,20 @@
 #include "ui_tissue_panel.h"
 
 #include <QFileDialog>
+#include <QSignalBlocker>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace palpate::gui {
 namespace {
 
 const QString about = QStringLiteral("≈ ");
 constexpr int slider_steps = 1000;
+// As the list in the form has them.
+constexpr model::LinkRule link_rules[] = {model::LinkRule::nearest, model::LinkRule::six,
+                                          model::LinkRule::lattice18, model::LinkRule::lattice26};
 
 }  // namespace
 
@@ -28,12 +34,14 @@ TissuePanel::TissuePanel(Workbench& workbench, QWidget* parent)
   show_waiting(QString());
   show_note();
   show_surface_source();
+  show_mask();
   setEnabled(false);
 }
 
 TissuePanel::~TissuePanel() = default;
 
 void TissuePanel::wire() {
+  wire_mask();
   const auto take = [this] { take_parameters(); };
   connect(ui_->thresholdAuto, &QCheckBox::toggled, this, take);
   connect(ui_->thresholdSpin, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, take);
@@ -51,12 +59,11 @@ void TissuePanel::wire() {
   for (const auto& axis : crop_) {
     for (auto* box : axis) connect(box, QOverload<int>::of(&QSpinBox::valueChanged), this, take);
   }
-  connect(ui_->linksCombo, QOverload<int>::of(&QComboBox::currentIndexChanged), this, take);
-  connect(ui_->cropCheck, &QCheckBox::toggled, this, [this](bool on) {
-    ui_->cropBox->setVisible(on);
-    take_parameters();
-  });
+  for (auto* box : {ui_->linksCombo, ui_->pointsCombo})
+    connect(box, QOverload<int>::of(&QComboBox::currentIndexChanged), this, take);
+  connect(ui_->cropCheck, &QCheckBox::toggled, this, take);
   connect(ui_->faceBudgetSpin, QOverload<int>::of(&QSpinBox::valueChanged), this, [this](int faces) {
+    if (filling_) return;
     workbench_.set_face_budget(faces);
     changed_since_built_ = true;
     show_note();
@@ -73,6 +80,7 @@ void TissuePanel::wire() {
     show_note();
   });
   connect(ui_->buildButton, &QPushButton::clicked, &workbench_, &Workbench::build_tissue);
+  connect(&workbench_, &Workbench::tissueParametersChanged, this, &TissuePanel::show_parameters);
   connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::set_ranges);
   connect(&workbench_, &Workbench::volumeOpened, this, &TissuePanel::show_note);
   connect(&workbench_, &Workbench::volumeFiltered, this, &TissuePanel::set_ranges);
@@ -89,7 +97,6 @@ void TissuePanel::set_ranges() {
   filling_ = true;
   setEnabled(true);
   const auto& range = workbench_.filtered().range();
-  const auto& tissue = workbench_.recipe().tissue;
   const double span = static_cast<double>(range.max) - range.min;
   const int decimals = span > 20.0 ? 0 : 3;
   for (auto* box : {ui_->thresholdSpin, ui_->thresholdHigh}) {
@@ -97,21 +104,52 @@ void TissuePanel::set_ranges() {
     box->setSingleStep(decimals == 0 ? 1.0 : span / 100.0);
     box->setRange(range.min, std::max<double>(range.max, range.min));
   }
-  ui_->thresholdAuto->setChecked(!tissue.threshold_low.has_value());
-  if (!std::isfinite(tissue.threshold_high)) ui_->thresholdHigh->setValue(range.max);
-  ui_->minComponentSpin->setValue(static_cast<int>(tissue.min_component));
-  if (!tissue.crop) {
-    ui_->cropCheck->setChecked(false);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const int last = workbench_.volume().dims()[axis] - 1;
-      for (auto* box : crop_[axis]) box->setRange(0, last);
-      crop_[axis][0]->setValue(0);
-      crop_[axis][1]->setValue(last);
-    }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int last = workbench_.volume().dims()[axis] - 1;
+    for (auto* box : crop_[axis]) box->setRange(0, last);
   }
-  changed_since_built_ = false;
   filling_ = false;
+  show_parameters();
+  changed_since_built_ = false;
   show_note();
+}
+
+// What the recipe says, after a session was opened too.
+void TissuePanel::show_parameters() {
+  if (!workbench_.has_volume() || taking_) return;
+  filling_ = true;
+  const auto& tissue = workbench_.recipe().tissue;
+  const bool automatic = !tissue.threshold_low.has_value();
+  ui_->thresholdAuto->setChecked(automatic);
+  ui_->thresholdHigh->setValue(std::isfinite(tissue.threshold_high) ? tissue.threshold_high
+                                                                    : ui_->thresholdHigh->maximum());
+  ui_->strideSpin->setValue(tissue.stride);
+  ui_->pointsCombo->setCurrentIndex(tissue.points == model::PointRule::lattice ? 0 : 1);
+  const auto* rule = std::find(std::begin(link_rules), std::end(link_rules), tissue.links);
+  ui_->linksCombo->setCurrentIndex(static_cast<int>(rule - std::begin(link_rules)));
+  ui_->maxLinksSpin->setValue(tissue.max_links);
+  ui_->minComponentSpin->setValue(static_cast<int>(tissue.min_component));
+  ui_->noiseSpin->setValue(tissue.noise);
+  ui_->seedSpin->setValue(static_cast<int>(tissue.seed));
+  ui_->faceBudgetSpin->setValue(workbench_.recipe().surface.face_budget);
+  ui_->cropCheck->setChecked(tissue.crop.has_value());
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    crop_[axis][0]->setValue(tissue.crop ? tissue.crop->begin[axis] : 0);
+    crop_[axis][1]->setValue((tissue.crop ? tissue.crop->end[axis] : workbench_.volume().dims()[axis]) - 1);
+  }
+  filling_ = false;
+  if (!automatic) show_threshold(*tissue.threshold_low);
+  show_mask();
+  show_enabled();
+}
+
+void TissuePanel::show_enabled() {
+  const bool lattice = ui_->pointsCombo->currentIndex() == 0;
+  ui_->thresholdSpin->setEnabled(!ui_->thresholdAuto->isChecked());
+  ui_->linksCombo->setEnabled(lattice);
+  ui_->noiseSpin->setEnabled(lattice);
+  ui_->maxLinksSpin->setEnabled(ui_->linksCombo->currentIndex() == 0);
+  ui_->cropBox->setVisible(ui_->cropCheck->isChecked());
 }
 
 double TissuePanel::slider_to_value(int slider) const {
@@ -120,6 +158,7 @@ double TissuePanel::slider_to_value(int slider) const {
 }
 
 void TissuePanel::show_threshold(double threshold) {
+  if (!std::isfinite(threshold)) return;
   filling_ = true;
   const auto& range = workbench_.filtered().range();
   const double span = static_cast<double>(range.max) - range.min;
@@ -130,9 +169,13 @@ void TissuePanel::show_threshold(double threshold) {
 }
 
 void TissuePanel::take_parameters() {
-  ui_->thresholdSpin->setEnabled(!ui_->thresholdAuto->isChecked());
-  ui_->maxLinksSpin->setEnabled(ui_->linksCombo->currentIndex() == 0);
   if (filling_) return;
+  // Points without a lattice have no voxels around them.
+  if (ui_->pointsCombo->currentIndex() == 1) {
+    const QSignalBlocker quiet(ui_->linksCombo);
+    ui_->linksCombo->setCurrentIndex(0);
+  }
+  show_enabled();
   model::TissueParameters tissue;
   if (!ui_->thresholdAuto->isChecked()) {
     tissue.threshold_low = ui_->thresholdSpin->value();
@@ -141,7 +184,9 @@ void TissuePanel::take_parameters() {
   if (ui_->thresholdHigh->value() < ui_->thresholdHigh->maximum())
     tissue.threshold_high = ui_->thresholdHigh->value();
   tissue.stride = ui_->strideSpin->value();
-  tissue.links = ui_->linksCombo->currentIndex() == 0 ? model::LinkRule::nearest : model::LinkRule::six;
+  tissue.points =
+      ui_->pointsCombo->currentIndex() == 0 ? model::PointRule::lattice : model::PointRule::blue_noise;
+  tissue.links = link_rules[ui_->linksCombo->currentIndex()];
   tissue.max_links = ui_->maxLinksSpin->value();
   tissue.min_component = static_cast<std::size_t>(ui_->minComponentSpin->value());
   tissue.noise = ui_->noiseSpin->value();
@@ -155,7 +200,9 @@ void TissuePanel::take_parameters() {
     tissue.crop = crop;
   }
   changed_since_built_ = true;
+  taking_ = true;  // the fields say already what the recipe is told
   workbench_.set_tissue_parameters(tissue);
+  taking_ = false;
   show_note();
 }
 
@@ -196,6 +243,59 @@ void TissuePanel::show_built() {
   if (ui_->thresholdAuto->isChecked()) show_threshold(built.threshold_low);
   show_note();
   show_surface_source();
+}
+
+void TissuePanel::wire_mask() {
+  connect(ui_->maskCombo, QOverload<int>::of(&QComboBox::activated), this, &TissuePanel::choose_mask);
+  connect(ui_->maskLabelSpin, QOverload<int>::of(&QSpinBox::valueChanged), this, [this](int label) {
+    if (filling_) return;
+    session::MaskSettings mask = workbench_.recipe().mask;
+    mask.label.reset();
+    if (label > 0) mask.label = label;
+    changed_since_built_ = workbench_.has_tissue();
+    workbench_.set_mask(mask);
+    show_note();
+  });
+  connect(&workbench_.jobs(), &JobTracker::jobCancelled, this, &TissuePanel::show_mask);
+}
+
+void TissuePanel::choose_mask(int source) {
+  session::MaskSettings mask;
+  if (source > 0) {
+    const QString scan = QString::fromStdString(workbench_.recipe().input.path.parent_path().string());
+    const QString path = QFileDialog::getOpenFileName(
+        this, tr("Open a label file: what it marks becomes tissue"), scan,
+        tr("Label images (*.mha *.mhd *.nrrd *.nhdr *.nii *.nii.gz *.dcm);;All files (*)"));
+    if (path.isEmpty()) {
+      show_mask();
+      return;
+    }
+    mask.path = native_path(path);
+  }
+  changed_since_built_ = workbench_.has_tissue();
+  workbench_.set_mask(mask);
+  show_note();
+}
+
+void TissuePanel::show_mask() {
+  const auto& mask = workbench_.recipe().mask;
+  const bool masked = mask.path.has_value();
+  const bool was_filling = filling_;
+  filling_ = true;
+  ui_->maskCombo->setCurrentIndex(masked ? 1 : 0);
+  ui_->maskLabelSpin->setValue(mask.label.value_or(0));
+  filling_ = was_filling;
+  for (QWidget* widget :
+       {static_cast<QWidget*>(ui_->maskLabelTitle), static_cast<QWidget*>(ui_->maskLabelSpin),
+        static_cast<QWidget*>(ui_->maskFileLabel)})
+    widget->setVisible(masked);
+  ui_->maskFileLabel->setText(masked ? QString::fromStdString(mask.path->filename().string()) : QString());
+  // Within a mask the threshold counts only where it is named.
+  ui_->thresholdAuto->setText(masked ? tr("All &of the label") : tr("A&utomatic threshold"));
+  ui_->thresholdAuto->setToolTip(masked ? tr("All that the label file marks is tissue, however bright it is")
+                                        : tr("Otsu's threshold: splits bright from dark by the histogram"));
+  ui_->introLabel->setText(masked ? tr("Voxels that the label file marks become tissue.")
+                                  : tr("Voxels brighter than the threshold become tissue."));
 }
 
 void TissuePanel::choose_surface(int source) {
@@ -246,7 +346,7 @@ void TissuePanel::show_note() {
   ui_->noteLabel->setText(note);
   ui_->noteLabel->setVisible((built || flat) && !note.isEmpty());
   ui_->buildButton->setEnabled(!flat);
-  ui_->buildButton->setText(built ? tr("Build again") : tr("Build tissue"));
+  ui_->buildButton->setText(built ? tr("&Build again") : tr("&Build tissue"));
 }
 
 }  // namespace palpate::gui

@@ -24,6 +24,11 @@ class TissuePanel : public QWidget {
 
  private:
   void wire();
+  void wire_mask();
+  void choose_mask(int source);
+  void show_mask();
+  void show_parameters();
+  void show_enabled();
   void set_ranges();
   void take_parameters();
   void show_estimate();
@@ -39,6 +44,7 @@ class TissuePanel : public QWidget {
   std::unique_ptr<Ui::TissuePanel> ui_;
   std::array<std::array<QSpinBox*, 2>, 3> crop_{};
   bool filling_ = false;
+  bool taking_ = false;
   bool changed_since_built_ = false;
 };
 

@@ -101,6 +101,7 @@ void GlView::mousePressEvent(QMouseEvent* event) {
   if (drag_ != Drag::none) return;
   last_place_ = viewport_place(position_of(event));
   drag_button_ = event->button();
+  pressed_with_ = event->modifiers();
   if (event->button() == Qt::RightButton) {
     drag_ = Drag::zoom;
   } else if (event->button() == Qt::MiddleButton ||

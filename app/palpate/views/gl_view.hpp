@@ -63,6 +63,9 @@ class GlView : public QVTKOpenGLNativeWidget {
   virtual void point_at(const QPointF& place, bool crosshair) = 0;
   void drag_window_level(const QPointF& from, const QPointF& to);
 
+  /// Of the press that began the drag.
+  Qt::KeyboardModifiers pressed_with() const { return pressed_with_; }
+
   Workbench& workbench_;
   ViewState& state_;
 
@@ -74,6 +77,7 @@ class GlView : public QVTKOpenGLNativeWidget {
   Drag drag_ = Drag::none;
   Qt::MouseButton drag_button_ = Qt::NoButton;
   QPointF last_place_;
+  Qt::KeyboardModifiers pressed_with_ = Qt::NoModifier;
   int wheel_angle_ = 0;
   QTimer render_delay_;
   QElapsedTimer since_render_;

@@ -111,22 +111,30 @@ std::optional<interaction::Ray> SliceWidget::ray_through_slice(const QPointF& pl
   return ray;
 }
 
+// Four pixels of the slice, but no less than a voxel.
+interaction::PickReach SliceWidget::reach_at(const QPointF& place) const {
+  interaction::PickReach reach;
+  reach.cone_half_angle_deg = 0.0;
+  const Eigen::Vector3d across =
+      view_.place_at(place.x() + 4.0, place.y()) - view_.place_at(place.x(), place.y());
+  reach.cylinder_radius_mm = std::max(across.norm(), workbench_.volume().geometry().spacing_mm().maxCoeff());
+  return reach;
+}
+
 void SliceWidget::tool_pressed(const QPointF& place) {
   if (!workbench_.has_volume()) return;
   if (state_.tool() == Tool::window_level) return;
-  if (state_.tool() == Tool::grab && workbench_.simulation_ready()) {
-    if (const auto ray = ray_through_slice(place)) {
-      interaction::PickReach reach;
-      reach.cone_half_angle_deg = 0.0;
-      // Four pixels of the slice, but no less than a voxel.
-      const Eigen::Vector3d across =
-          view_.place_at(place.x() + 4.0, place.y()) - view_.place_at(place.x(), place.y());
-      reach.cylinder_radius_mm =
-          std::max(across.norm(), workbench_.volume().geometry().spacing_mm().maxCoeff());
-      grabbing_ = true;
-      workbench_.grab(*ray, reach);
-      return;
-    }
+  const auto ray = ray_through_slice(place);
+  if (ray && state_.tool() == Tool::grab && workbench_.simulation_ready()) {
+    grabbing_ = true;
+    workbench_.grab(*ray, reach_at(place));
+    return;
+  }
+  if (ray && state_.tool() == Tool::anchor && workbench_.has_tissue()) {
+    painting_ = true;
+    workbench_.begin_anchor_stroke((pressed_with() & Qt::ControlModifier) != 0);
+    workbench_.paint_anchors(*ray, reach_at(place));
+    return;
   }
   state_.set_crosshair(view_.place_at(place.x(), place.y()));
 }
@@ -137,6 +145,8 @@ void SliceWidget::tool_dragged(const QPointF& from, const QPointF& to) {
     drag_window_level(from, to);
   } else if (grabbing_) {
     if (const auto ray = ray_through_slice(to)) workbench_.drag(*ray);
+  } else if (painting_) {
+    if (const auto ray = ray_through_slice(to)) workbench_.paint_anchors(*ray, reach_at(to));
   } else {
     state_.set_crosshair(view_.place_at(to.x(), to.y()));
   }
@@ -144,7 +154,8 @@ void SliceWidget::tool_dragged(const QPointF& from, const QPointF& to) {
 
 void SliceWidget::tool_released() {
   if (grabbing_) workbench_.release();
-  grabbing_ = false;
+  if (painting_) workbench_.end_anchor_stroke();
+  grabbing_ = painting_ = false;
 }
 
 void SliceWidget::point_at(const QPointF& place, bool crosshair) {

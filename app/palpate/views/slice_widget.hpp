@@ -47,9 +47,11 @@ class SliceWidget : public GlView {
  private:
   void show_preview();
   std::optional<interaction::Ray> ray_through_slice(const QPointF& place) const;
+  interaction::PickReach reach_at(const QPointF& place) const;
 
   visualization::SliceView view_;
   bool grabbing_ = false;
+  bool painting_ = false;
 };
 
 }  // namespace palpate::gui

@@ -53,6 +53,12 @@ void TissueWidget::wheel(int steps) {
 interaction::PickReach TissueWidget::reach() const { return view_.reach(reach_px * devicePixelRatioF()); }
 
 void TissueWidget::tool_pressed(const QPointF& place) {
+  if (state_.tool() == Tool::anchor && workbench_.has_tissue()) {
+    painting_ = true;
+    workbench_.begin_anchor_stroke((pressed_with() & Qt::ControlModifier) != 0);
+    workbench_.paint_anchors(view_.ray_at(place.x(), place.y()), reach());
+    return;
+  }
   if (state_.tool() != Tool::grab || !workbench_.simulation_ready()) return;
   grabbing_ = true;
   workbench_.grab(view_.ray_at(place.x(), place.y()), reach());
@@ -61,6 +67,8 @@ void TissueWidget::tool_pressed(const QPointF& place) {
 void TissueWidget::tool_dragged(const QPointF& from, const QPointF& to) {
   if (grabbing_) {
     workbench_.drag(view_.ray_at(to.x(), to.y()));
+  } else if (painting_) {
+    workbench_.paint_anchors(view_.ray_at(to.x(), to.y()), reach());
   } else if (state_.tool() == Tool::window_level) {
     drag_window_level(from, to);
   } else {
@@ -71,7 +79,8 @@ void TissueWidget::tool_dragged(const QPointF& from, const QPointF& to) {
 
 void TissueWidget::tool_released() {
   if (grabbing_) workbench_.release();
-  grabbing_ = false;
+  if (painting_) workbench_.end_anchor_stroke();
+  grabbing_ = painting_ = false;
 }
 
 // The crosshair goes to the tissue under the pointer.

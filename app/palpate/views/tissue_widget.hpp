@@ -36,6 +36,7 @@ class TissueWidget : public GlView {
 
   visualization::TissueView view_;
   bool grabbing_ = false;
+  bool painting_ = false;
 };
 
 }  // namespace palpate::gui

@@ -46,6 +46,8 @@ ViewGrid::ViewGrid(Workbench& workbench, ViewState& state, QWidget* parent)
     tissue_->fit();
   });
   connect(&workbench_, &Workbench::frameArrived, this, &ViewGrid::show_frame);
+  for (const auto signal : {&Workbench::anchorsChanged, &Workbench::limitShown})
+    connect(&workbench_, signal, this, &ViewGrid::update_all_contents);
   clock_.start();
   arrange();
 }
