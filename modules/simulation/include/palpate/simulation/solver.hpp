@@ -155,10 +155,10 @@ struct OpenclOptions {
 ///
 /// Lattice (kernels/lattice.cl): segments of consecutive voxels of a row, a
 /// stencil of neighbours with a rest length each, other links in an overflow
-/// list. Explicit (kernels/explicit.cl): separate arrays, links stored column
-/// by column. Neither uses atomics. Compiles and warms its kernels up, so that
-/// the first step is as fast as the next. Throws Error(device), and
-/// Error(usage) as check() does.
+/// list. Explicit (kernels/explicit.cl): separate arrays, links stored in
+/// columns, a block of points at a time. Neither uses atomics. Compiles and
+/// warms its kernels up, so that the first step is as fast as the next. Throws
+/// Error(device), and Error(usage) as check() does.
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            std::shared_ptr<const model::Tissue> tissue,
                                            const Parameters& parameters, const OpenclOptions& options = {},
