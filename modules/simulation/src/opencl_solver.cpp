@@ -1,5 +1,6 @@
 #include "explicit_solver.hpp"
 #include "lattice_solver.hpp"
+#include "tuning.hpp"
 
 #include "palpate/simulation/solver.hpp"
 
@@ -12,9 +13,11 @@ std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
                                            const Parameters& parameters, const OpenclOptions& options,
                                            const Material& material) {
   if (options.layout == LayoutChoice::lattice)
-    return make_lattice_solver(device, std::move(tissue), parameters, options, material,
+    return make_lattice_solver(device, std::move(tissue), parameters,
+                               tuned(device, options, LayoutChoice::lattice), material,
                                "The lattice layout was asked for.");
-  return make_explicit_solver(device, std::move(tissue), parameters, options, material);
+  return make_explicit_solver(device, std::move(tissue), parameters,
+                              tuned(device, options, LayoutChoice::explicit_links), material);
 }
 
 }  // namespace palpate::simulation
