@@ -268,6 +268,16 @@ Line dashes_of(const Line& line, const Frame& frame) {
   return dashes;
 }
 
+/// The most letters that a mark of the axis has.
+double longest_label(const ChartAxis& axis, const Range& range) {
+  std::ptrdiff_t longest = 0;
+  for (const auto& label : chart_ticks(range[0], range[1], axis.logarithmic).labels)
+    longest = std::max(longest, std::count_if(label.begin(), label.end(), [](char byte) {
+                         return (static_cast<unsigned char>(byte) & 0xC0U) != 0x80U;  // starts a letter
+                       }));
+  return static_cast<double>(longest);
+}
+
 class ChartDrawing {
  public:
   ChartDrawing(const Chart& chart, int width_px, int height_px) : chart_(chart) {
@@ -276,7 +286,7 @@ class ChartDrawing {
     const Range y = range_of(chart, false);
     frame_.x = {along(chart.x, x[0]), along(chart.x, x[1])};
     frame_.y = {along(chart.y, y[0]), along(chart.y, y[1])};
-    frame_.left = frame_.px(134.0);
+    frame_.left = frame_.px(std::max(134.0, 66.0 + 13.5 * longest_label(chart.y, y)));
     frame_.bottom = frame_.px(96.0);
     frame_.width = static_cast<float>(width_px) - frame_.left - frame_.px(44.0);
     frame_.height =
