@@ -10,12 +10,26 @@
 //   k, s k     stiffness, s as rest_scale        1/s^2, 1
 //   g, m       gravity (xyz), mass               mm/s^2, 1
 //   partial    partials, one float4 a group      mm^2/s^2, mm^2/s^2, 1/s
-// Work-item: a walk over the share of its group, GROUP_SIZE points apart, in
-// sums of a few points each, so that float does. Defines: GROUP_SIZE,
-// LINKS_PER_POINT, COLUMN_BLOCK, SCALED_STIFFNESS and SCALED_MASS where they are.
-// Preconditions: work-groups of GROUP_SIZE; `partials` holds every group.
+// Work-item: a walk over the share of its group, POINTS_PER_ITEM points at a
+// time, in sums of a few points each, so that float does. Defines: GROUP_SIZE,
+// and those of explicit_lanes.cl.
+// Preconditions: work-groups of GROUP_SIZE; `partials` holds every group;
+// point_count as in explicit.cl. Build without relaxed arithmetic, so that what
+// is not finite shows in the sums.
 // CPU twin: simulation::Solver::link_health.
-#include "explicit_columns.cl"
+#include "explicit_lanes.cl"
+
+typedef struct {
+  float value;
+} One;
+
+/// The numbers at scattered places.
+Lanes gathered_floats(__global const float* restrict from, const Indices at) {
+#define READ(n) const One p##n = {from[LANE(at, n)]};
+  EACH_LANE(READ)
+#undef READ
+  return JOINED(value);
+}
 
 __kernel void link_health(__global const float4* restrict positions, __global const float4* restrict velocities,
                           __global const uint* restrict partners, __global const float* restrict rest_lengths,
@@ -24,41 +38,51 @@ __kernel void link_health(__global const float4* restrict positions, __global co
                           const float4 gravity, const float mass) {
   __local float4 own[GROUP_SIZE];
   const uint item = get_local_id(0);
-  const uint share = (point_count + get_num_groups(0) - 1) / get_num_groups(0);
-  const uint begin = min((uint)get_group_id(0) * share, point_count);
-  const uint end = min(begin + share, point_count);
-  float4 sum = (float4)(0.0f);
-  for (uint point = begin + item; point < end; point += GROUP_SIZE) {
-    const float4 x = positions[point];
-    const float4 v = velocities[point];
-    const bool is_free = freedom[point] == 1.0f;
+  const uint walks = point_count / POINTS_PER_ITEM;
+  const uint share = (walks + get_num_groups(0) - 1) / get_num_groups(0);
+  const uint begin = min((uint)get_group_id(0) * share, walks);
+  const uint end = min(begin + share, walks);
+  Lanes kinetic = (Lanes)(0.0f);
+  Lanes potential = (Lanes)(0.0f);
+  Lanes fastest = (Lanes)(0.0f);
+  for (uint walk = begin + item; walk < end; walk += GROUP_SIZE) {
+    const uint first = walk * POINTS_PER_ITEM;
+    const Vectors x = loaded(positions + first);
+    const Vectors v = loaded(velocities + first);
+    const Lanes own_freedom = LOAD(freedom + first);
 #ifdef SCALED_MASS
-    const float m = mass * x.w;
+    const Lanes m = mass * x.w;
 #else
     const float m = mass;
 #endif
-    sum.x += 0.5f * m * (v.x * v.x + v.y * v.y + v.z * v.z);
-    sum.y -= m * (gravity.x * x.x + gravity.y * x.y + gravity.z * x.z);
+    kinetic += 0.5f * m * (v.x * v.x + v.y * v.y + v.z * v.z);
+    potential -= m * (gravity.x * x.x + gravity.y * x.y + gravity.z * x.z);
     for (uint slot = 0; slot < LINKS_PER_POINT; ++slot) {
-      const float rest_length = rest_lengths[COLUMN(slot, point)];
-      if (rest_length == 0.0f) continue;
-      const uint other = partners[COLUMN(slot, point)];
-      const float4 there = positions[other];
-      const float4 d = there - x;
-      const float4 u = velocities[other] - v;
-      const float length = sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
-      const float extension = length - rest_scale * rest_length;
+      const Indices partner = LOAD(partners + COLUMN(slot, first));
+      const Lanes rest_length = LOAD(rest_lengths + COLUMN(slot, first));
+      const Vectors there = gathered(positions, partner);
+      const Vectors speed = gathered(velocities, partner);
+      const Lanes dx = there.x - x.x;
+      const Lanes dy = there.y - x.y;
+      const Lanes dz = there.z - x.z;
+      const Lanes along = dx * (speed.x - v.x) + dy * (speed.y - v.y) + dz * (speed.z - v.z);
+      const Lanes length = sqrt(dx * dx + dy * dy + dz * dz);
+      const Lanes extension = length - rest_scale * rest_length;
 #ifdef SCALED_STIFFNESS
-      const float k = 0.5f * stiffness * (x.w + there.w);
+      const Lanes k = 0.5f * stiffness * (x.w + there.w);
 #else
       const float k = stiffness;
 #endif
-      sum.y += 0.25f * k * extension * extension;
-      if (!is_free || length == 0.0f || freedom[other] != 1.0f) continue;
-      const float rate = fabs(d.x * u.x + d.y * u.y + d.z * u.z) / (length * rest_length);
-      sum.z = fmax(sum.z, rate);
+      potential += rest_length > 0.0f ? 0.25f * k * extension * extension : (Lanes)(0.0f);
+      const Lanes rate = fabs(along) / fmax(length * rest_length, 1e-30f);
+      const Lanes freest = fmin(own_freedom, gathered_floats(freedom, partner));
+      fastest = fmax(fastest, ((rest_length > 0.0f) & (freest == 1.0f)) ? rate : (Lanes)(0.0f));
     }
   }
+  float4 sum = (float4)(0.0f);
+#define ADD(n) sum = (float4)(sum.x + LANE(kinetic, n), sum.y + LANE(potential, n), fmax(sum.z, LANE(fastest, n)), 0.0f);
+  EACH_LANE(ADD)
+#undef ADD
   own[item] = sum;
   barrier(CLK_LOCAL_MEM_FENCE);
   if (item != 0) return;

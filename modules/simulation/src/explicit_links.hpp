@@ -9,7 +9,7 @@
 
 namespace palpate::simulation {
 
-/// Points whose columns lie together (kernels/explicit_columns.cl): a multiple
+/// Points whose columns lie together (kernels/explicit_lanes.cl): a multiple
 /// of what a work-item of any device takes.
 constexpr std::size_t column_block = 64;
 std::size_t column_place(std::size_t links_per_point, std::size_t slot, std::size_t point) noexcept;

@@ -23,6 +23,7 @@ using compute::Kernel;
 
 constexpr std::size_t health_group = 64;
 constexpr std::size_t health_groups = 256;
+constexpr std::size_t link_health_group = 16;
 // Work-items are heavy where they take many points; small groups spread them evenly.
 constexpr std::size_t step_group = 32;
 
@@ -129,7 +130,7 @@ class ExplicitSolver final : public DeviceSolver {
     link_health_.set(8, static_cast<float>(rest_scale_at(p, time_s())));
     link_health_.set(9, float4(p.gravity_mm_per_s2));
     link_health_.set(10, static_cast<float>(p.mass));
-    link_health_.run(health_groups * health_group, health_group);
+    link_health_.run(health_groups * link_health_group, link_health_group);
     LinkHealth sum;
     partials_.visit([&](const void* data) {
       const auto* values = static_cast<const float*>(data);
@@ -282,26 +283,25 @@ class ExplicitSolver final : public DeviceSolver {
   void build() {
     set_rest_lengths_ = library_.build("explicit.cl", "set_rest_lengths", step_defines());
     grab_ = library_.build("grab.cl", "grab");
-    const std::string group = "GROUP_SIZE=" + std::to_string(health_group);
-    health_ = library_.build("health.cl", "health", {group});
+    health_ = library_.build("health.cl", "health", {"GROUP_SIZE=" + std::to_string(health_group)});
     health_.set_all(a_.y.x, a_.y.v, rest_, partials_, static_cast<std::uint32_t>(point_count()));
     std::vector<std::string> defines = link_defines();
-    defines.push_back(group);
+    defines.push_back("GROUP_SIZE=" + std::to_string(link_health_group));
     link_health_ = library_.build("explicit_health.cl", "link_health", defines);
     link_health_.set_all(a_.y.x, a_.y.v, a_.partners, a_.rest_lengths, a_.freedom, partials_,
-                         static_cast<std::uint32_t>(point_count()));
+                         static_cast<std::uint32_t>(a_.stride));
   }
 
   std::vector<std::string> link_defines() const {
     std::vector<std::string> defines = a_.scaling_defines;
     defines.push_back("LINKS_PER_POINT=" + std::to_string(a_.links_per_point));
     defines.push_back("COLUMN_BLOCK=" + std::to_string(column_block));
+    defines.push_back("POINTS_PER_ITEM=" + std::to_string(a_.points_per_item));
     return defines;
   }
 
   std::vector<std::string> step_defines() const {
     std::vector<std::string> defines = link_defines();
-    defines.push_back("POINTS_PER_ITEM=" + std::to_string(a_.points_per_item));
     defines.emplace_back("-cl-fast-relaxed-math");
     return defines;
   }

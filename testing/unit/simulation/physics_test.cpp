@@ -275,6 +275,7 @@ TEST(Physics, IntegratorsHaveTheirOrders) {
     const double coarse = oscillator_error(integrator, 0.01, time_s);
     const double fine = oscillator_error(integrator, 0.005, time_s);
     EXPECT_NEAR(std::log2(coarse / fine), order, 0.1);
+    RecordProperty("order_of_" + simulation::to_string(integrator), std::to_string(std::log2(coarse / fine)));
     if (integrator == Integrator::rk4) {
       // One halving more is lost in the float; one before shows that it is no accident.
       EXPECT_NEAR(std::log2(oscillator_error(integrator, 0.02, time_s) / coarse), order, 0.1);
