@@ -27,7 +27,7 @@ TEST(CliBench, GivesItsFiguresAsTheContractSays) {
 }
 
 TEST(CliBench, SetsTheEngineBesideThePublishedLayout) {
-  if (!has_device()) GTEST_SKIP() << "There is no OpenCL device.";
+  if (!opencl_present()) GTEST_SKIP() << "There is no OpenCL device.";
   const auto object = cli_json({"bench", "--quick", "--case", "jittered-20k"});
   ASSERT_EQ(object["cases"].size(), 1U);
   const auto& figure = object["cases"][0];
