@@ -15,6 +15,12 @@ constexpr double batch_wall_s = 0.025;
 constexpr std::size_t history_bytes = std::size_t{256} << 20U;
 /// Weight of the newest measurement in the smoothed ones: about ten frames.
 constexpr double newest = 0.1;
+/// With fewer links an estimate takes some tens of milliseconds at most, and is
+/// waited for; with more it is found beside, and not while the run needs the cores.
+constexpr std::size_t links_to_wait_for = 100000;
+constexpr std::size_t links_while_playing = 300000;
+/// Between looks at how far stretching has stiffened the tissue.
+constexpr double look_every_s = 0.25;
 
 double seconds(DriverLoop::Clock::duration duration) {
   return std::chrono::duration<double>(duration).count();
@@ -30,21 +36,46 @@ void smooth(double& value, double measured) {
 
 }  // namespace
 
-DriverLoop::DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const core::CancelToken& stop)
-    : setup_(setup), publish_(std::move(publish)), tell_(std::move(tell)), history_(history_bytes) {
+DriverLoop::DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, Post post,
+                       core::CancelToken stop)
+    : setup_(setup),
+      publish_(std::move(publish)),
+      tell_(std::move(tell)),
+      post_(std::move(post)),
+      stop_(std::move(stop)),
+      history_(history_bytes) {
   const auto& tissue = setup_.tissue.tissue;
-  bound_ = setup_.tissue.stable_step;
   adjacency_ = model::adjacency_of(tissue->links, tissue->points.size());
-  stop.check();
-  on_ = open_solver(setup_.device, tissue, setup_.settings.parameters);
-  stop.check();
-  follower_.emplace(on_, setup_.surface, tissue->points.center_mm);
-  stop.check();
-  grab_.emplace(*on_.solver, *tissue, adjacency_);
-  guard_.emplace(*on_.solver, simulation::automatic_step_s(bound_), simulation::Guard::usual_halvings, stop);
-  use_step();
+  stop_.check();
+  simulation::OpenclOptions options;
+  options.layout = setup_.settings.layout;
+  attach(open_solver(setup_.device, tissue, setup_.settings.parameters, options, setup_.tissue.material));
+  update_limit();
+  try {
+    use_step();
+  } catch (const core::Error& error) {
+    // Explicit Euler without damping: it begins all the same, with a short step, and says so.
+    if (error.kind() != core::ErrorKind::usage) throw;
+    guard_->set_step_s(0.1 / limit_.now().omega_per_s);
+    tell_({DriverEvent::Kind::refused, error.what(), error.code(), ""});
+  }
   if (setup_.start) restore(*setup_.start);
   setup_.start.reset();
+}
+
+/// All that refers to a solver is made anew with it.
+void DriverLoop::attach(SolverOnDevice on) {
+  guard_.reset();
+  grab_.reset();
+  follower_.reset();
+  on_ = std::move(on);
+  const auto& tissue = *setup_.tissue.tissue;
+  stop_.check();
+  follower_.emplace(on_, setup_.surface, tissue.points.center_mm);
+  stop_.check();
+  grab_.emplace(*on_.solver, tissue, adjacency_);
+  guard_.emplace(*on_.solver, setup_.settings.step_s.value_or(1e-3), simulation::Guard::usual_halvings,
+                 stop_);
 }
 
 void DriverLoop::apply(const Command& command) {
@@ -53,6 +84,7 @@ void DriverLoop::apply(const Command& command) {
 
 void DriverLoop::publish_if_changed() {
   if (changed_) publish();
+  look_for_work();
 }
 
 // ---- commands
@@ -66,6 +98,10 @@ void DriverLoop::on(const command::Play&) {
     return;
   }
   playing_ = true;
+  if (setup_.tissue.tissue->links.size() > links_while_playing && worker_.is_busy()) {
+    worker_.cancel();
+    wants_estimate_ = !limit_.has_estimate();
+  }
   last_ = Clock::now();
   owed_s_ = 0.0;
   changed_ = true;
@@ -75,7 +111,7 @@ void DriverLoop::on(const command::Pause&) { pause(); }
 
 void DriverLoop::on(const command::StepOnce&) {
   pause();
-  if (!guard_->diverged()) take_steps(1);
+  if (!guard_->diverged()) take_steps(substeps_);
 }
 
 void DriverLoop::on(const command::Reset&) {
@@ -89,22 +125,83 @@ void DriverLoop::on(const command::Reset&) {
 
 void DriverLoop::on(const command::SetParameters& command) {
   simulation::check(command.parameters);
+  const auto before = setup_.settings.parameters;
   setup_.settings.parameters = command.parameters;
-  on_.solver->set_parameters(command.parameters);
-  update_bound(on_.solver->state().positions_mm);
-  use_step();
+  try {
+    on_.solver->set_parameters(command.parameters);
+    update_limit();
+    use_step();
+  } catch (const core::Error& error) {
+    // Refused, as a whole: what the solver or the step cannot do is not half set.
+    if (error.kind() != core::ErrorKind::usage) throw;
+    setup_.settings.parameters = before;
+    on_.solver->set_parameters(before);
+    update_limit();
+    use_step();
+    throw;
+  }
 }
 
 void DriverLoop::on(const command::SetStep& command) {
-  if (command.step_s && (!(*command.step_s > 0.0) || *command.step_s > 1.0))
-    core::throw_usage("The step must be above 0 s and at most 1 s.");
+  plan_step(command.step_s, limit_.now());  // throws where it cannot be taken
   setup_.settings.step_s = command.step_s;
   use_step();
 }
 
 void DriverLoop::on(const command::SetSettings& command) {
-  on(command::SetStep{command.settings.step_s});
-  on(command::SetParameters{command.settings.parameters});
+  if (command.settings.step_s && !(*command.settings.step_s > 0.0 && *command.settings.step_s <= 1.0))
+    plan_step(command.settings.step_s, limit_.now());
+  simulation::check(command.settings.parameters);
+  apply_material(command.settings);
+  // The step of old need not fit the parameters to come, nor the other way round.
+  const auto step_before_s = setup_.settings.step_s;
+  setup_.settings.step_s = command.settings.step_s;
+  try {
+    on(command::SetParameters{command.settings.parameters});
+  } catch (...) {
+    setup_.settings.step_s = step_before_s;
+    use_step();
+    throw;
+  }
+}
+
+/// Layout, scaling and anchors. What needs another solver makes one beside the
+/// old one, which stays where that fails.
+void DriverLoop::apply_material(const SimulationSettings& settings) {
+  auto& now = setup_.settings;
+  const bool new_anchors =
+      settings.anchors.rule != now.anchors.rule || settings.anchors.file != now.anchors.file ||
+      settings.anchors.sha256 != now.anchors.sha256 || !(settings.anchors.painted == now.anchors.painted);
+  const bool new_scaling = settings.scaling.stiffness != now.scaling.stiffness ||
+                           settings.scaling.damping != now.scaling.damping ||
+                           settings.scaling.drag != now.scaling.drag ||
+                           settings.scaling.mass != now.scaling.mass;
+  const bool new_layout = settings.layout != now.layout;
+  if (!new_anchors && !new_scaling && !new_layout) return;
+  auto material = setup_.tissue.material;
+  if (new_anchors || new_scaling) material = material_of(*setup_.tissue.tissue, settings);
+  if (new_scaling || new_layout) {
+    simulation::OpenclOptions options;
+    options.layout = settings.layout;
+    auto on = open_solver(setup_.device, setup_.tissue.tissue, now.parameters, options, material);
+    let_go();
+    on.solver->set_state(on_.solver->state());
+    std::vector<std::uint32_t> cut;
+    const auto& alive = on_.solver->link_alive();
+    for (std::size_t link = 0; link < alive.size(); ++link)
+      if (alive[link] == 0) cut.push_back(static_cast<std::uint32_t>(link));
+    if (!cut.empty()) on.solver->set_links_alive(cut, false);
+    attach(std::move(on));
+    wall_per_step_s_ = 0.0;
+  } else {
+    on_.solver->set_anchors(material.anchors);
+    guard_->disturbed();
+  }
+  setup_.tissue.material = std::move(material);
+  now.anchors = settings.anchors;
+  now.scaling = settings.scaling;
+  now.layout = settings.layout;
+  changed_ = true;
 }
 
 void DriverLoop::on(const command::GrabAt& command) {
@@ -138,6 +235,7 @@ void DriverLoop::on(const command::Redo&) {
 void DriverLoop::let_go() {
   if (!grab_->active()) return;
   grab_->release();
+  guard_->disturbed();
   drag_ray_.reset();
   history_.push(std::move(*before_drag_));
   before_drag_.reset();
@@ -147,27 +245,114 @@ void DriverLoop::let_go() {
 void DriverLoop::restore(const simulation::State& state) {
   on_.solver->set_state(state);
   guard_->clear();
-  update_bound(state.positions_mm);
+  limit_.set_stretched(
+      simulation::stable_step(*setup_.tissue.tissue, setup_.settings.parameters,
+                              {&state.positions_mm, &on_.solver->link_alive(), &setup_.tissue.material}));
   use_step();
   owed_s_ = 0.0;
 }
 
-void DriverLoop::update_bound(const std::vector<Eigen::Vector3f>& positions_mm) {
-  bound_ = simulation::stable_step(*setup_.tissue.tissue, setup_.settings.parameters, {&positions_mm});
+/// After anything but the places changed: links, parameters, material.
+void DriverLoop::update_limit() {
+  ++epoch_;
+  worker_.cancel();
+  const auto& tissue = *setup_.tissue.tissue;
+  const simulation::StabilityCase at{nullptr, &on_.solver->link_alive(), &setup_.tissue.material};
+  limit_.set_bound(simulation::stable_step(tissue, setup_.settings.parameters, at));
+  wants_estimate_ = tissue.links.size() > links_to_wait_for;
+  if (!wants_estimate_)
+    limit_.set_estimate(
+        simulation::estimated_stable_step(tissue, setup_.settings.parameters, at, core::Progress({}, stop_)));
+  looked_at_mm_ = 0.0;  // the stretch is looked at again: here where that is quick
+  if (!wants_estimate_ && is_stretched()) find_stretched_now();
+  changed_ = true;
 }
 
-/// The step that the user named, or the automatic one. A named step above the
-/// bound is allowed: the frame says both, and the guard watches.
+bool DriverLoop::is_stretched() const {
+  return std::abs(shown_displacement_mm_ - looked_at_mm_) > 0.1 * on_.solver->link_length_mm();
+}
+
+void DriverLoop::find_stretched_now() {
+  const auto positions_mm = on_.solver->state().positions_mm;
+  looked_at_mm_ = shown_displacement_mm_;
+  limit_.set_stretched(
+      simulation::stable_step(*setup_.tissue.tissue, setup_.settings.parameters,
+                              {&positions_mm, &on_.solver->link_alive(), &setup_.tissue.material}));
+}
+
+/// The step that the user named, in parts where it is above the limit, or the automatic one.
 void DriverLoop::use_step() {
-  guard_->set_step_s(setup_.settings.step_s ? *setup_.settings.step_s : simulation::automatic_step_s(bound_));
+  const StepPlan plan = plan_step(setup_.settings.step_s, limit_.now());
+  substeps_ = plan.substeps;
+  guard_->set_step_s(plan.step_s);
   if (guard_->diverged()) guard_->clear();
   changed_ = true;
+}
+
+/// As the limit changes by itself: a step that the guard halved is not made longer again.
+void DriverLoop::follow_limit() {
+  const StepPlan plan = plan_step(setup_.settings.step_s, limit_.now());
+  const double now_s = guard_->step_s();
+  const bool shorter = plan.step_s < 0.98 * now_s;
+  const bool longer = plan.step_s > 1.02 * now_s && guard_->recoveries() == 0;
+  changed_ = true;
+  if (!shorter && !longer) return;
+  substeps_ = plan.substeps;
+  guard_->set_step_s(plan.step_s);
 }
 
 void DriverLoop::pause() {
   if (playing_) changed_ = true;
   playing_ = false;
   realtime_factor_ = 0.0;
+}
+
+// ---- limits that are found beside the simulation
+
+void DriverLoop::on(const command::Limited& command) {
+  if (command.epoch != epoch_ || !command.found) return;  // it woke the loop for the next, no more
+  if (command.is_of_rest)
+    limit_.set_estimate(*command.found);
+  else
+    limit_.set_stretched(*command.found);
+  follow_limit();
+}
+
+void DriverLoop::look_for_work() {
+  if (worker_.is_busy() || !shown_mm_) return;
+  const bool may_take_cores = !playing_ || setup_.tissue.tissue->links.size() <= links_while_playing;
+  if (wants_estimate_ && may_take_cores) {
+    wants_estimate_ = false;
+    return find_estimate();
+  }
+  const bool moved = std::abs(shown_displacement_mm_ - looked_at_mm_) > 0.1 * on_.solver->link_length_mm();
+  if (moved && Clock::now() >= look_next_) find_stretched();
+}
+
+void DriverLoop::find_estimate() {
+  auto work = [tissue = setup_.tissue.tissue, material = setup_.tissue.material,
+               parameters = setup_.settings.parameters,
+               alive = on_.solver->link_alive()](const core::Progress& progress) {
+    return simulation::estimated_stable_step(*tissue, parameters, {nullptr, &alive, &material}, progress);
+  };
+  worker_.start(std::move(work), [this, epoch = epoch_](const auto& found) {
+    post_(command::Limited{found, true, epoch});
+  });
+}
+
+void DriverLoop::find_stretched() {
+  looked_at_mm_ = shown_displacement_mm_;
+  // At most a twentieth of the time.
+  const double cost_s = 1e-7 * static_cast<double>(setup_.tissue.tissue->links.size());
+  look_next_ = Clock::now() + wall(std::max(look_every_s, 20.0 * cost_s));
+  auto work = [tissue = setup_.tissue.tissue, material = setup_.tissue.material,
+               parameters = setup_.settings.parameters, alive = on_.solver->link_alive(),
+               positions = shown_mm_](const core::Progress&) {
+    return simulation::stable_step(*tissue, parameters, {positions.get(), &alive, &material});
+  };
+  worker_.start(std::move(work), [this, epoch = epoch_](const auto& found) {
+    post_(command::Limited{found, false, epoch});
+  });
 }
 
 // ---- time
@@ -177,10 +362,12 @@ void DriverLoop::pause() {
 /// the mouse into a blow.
 void DriverLoop::steer_grab(double batch_s) {
   if (!grab_->active()) return;
+  const bool was_moving = grab_->moving();
   if (drag_ray_)
     grab_->drag_to(*drag_ray_, std::max(batch_s, frame_s));
   else
     grab_->rest();
+  if (was_moving || grab_->moving()) guard_->disturbed();
 }
 
 void DriverLoop::take_steps(int count) {
@@ -256,6 +443,8 @@ void DriverLoop::publish() {
     frame.surface = std::move(deformed);
   }
   frame.max_displacement_mm = max_displacement_mm(*setup_.tissue.tissue, *positions);
+  shown_mm_ = positions;
+  shown_displacement_mm_ = frame.max_displacement_mm;
   frame.positions_mm = std::move(positions);
   frame.time_s = on_.solver->time_s();
   if (grab_->active()) {
@@ -265,8 +454,11 @@ void DriverLoop::publish() {
   }
   frame.playing = playing_;
   frame.step_s = guard_->step_s();
-  frame.stable_step_s = bound_.step_s;
-  frame.worst_point = bound_.worst_point;
+  const auto limit = limit_.now();
+  frame.substeps = substeps_;
+  frame.stable_step_s = limit.step_s;
+  frame.worst_point = limit.worst_point;
+  frame.stable_step_is_estimate = limit.is_estimate;
   frame.ms_per_step = wall_per_step_s_ * 1000.0;
   frame.realtime_factor = realtime_factor_;
   frame.recoveries = guard_->recoveries();
@@ -274,6 +466,8 @@ void DriverLoop::publish() {
   frame.can_undo = history_.can_undo() || grab_->active();
   frame.can_redo = history_.can_redo();
   frame.device = on_.solver->device_name();
+  frame.layout = on_.solver->layout();
+  frame.layout_reason = on_.solver->layout_reason();
   publish_(std::move(frame));
 }
 

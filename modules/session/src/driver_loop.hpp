@@ -1,8 +1,10 @@
 #pragma once
 
 #include "history.hpp"
+#include "limit_worker.hpp"
 #include "pool.hpp"
 #include "solver_setup.hpp"
+#include "step_plan.hpp"
 
 #include "palpate/session/simulation_driver.hpp"
 
@@ -41,10 +43,17 @@ struct DragTo {
 struct Release {};
 struct Undo {};
 struct Redo {};
+/// From the loop's own worker: a limit that was found meanwhile.
+struct Limited {
+  std::optional<simulation::StableStep> found;
+  bool is_of_rest;      ///< the estimate; else the bound at the places of then
+  std::uint64_t epoch;  ///< of what it was found for
+};
 }  // namespace command
-using Command = std::variant<command::Play, command::Pause, command::StepOnce, command::Reset,
-                             command::SetParameters, command::SetStep, command::SetSettings, command::GrabAt, command::DragTo,
-                             command::Release, command::Undo, command::Redo>;
+using Command =
+    std::variant<command::Play, command::Pause, command::StepOnce, command::Reset, command::SetParameters,
+                 command::SetStep, command::SetSettings, command::GrabAt, command::DragTo, command::Release,
+                 command::Undo, command::Redo, command::Limited>;
 
 /// The simulation of a SimulationDriver, without its thread: owns the device,
 /// the solver and the history. Everything happens in the caller's thread; time
@@ -54,10 +63,12 @@ class DriverLoop {
   using Clock = std::chrono::steady_clock;
   using Publish = std::function<void(Frame)>;
   using Tell = std::function<void(const DriverEvent&)>;
+  /// Puts a command at the end of the queue; from any thread.
+  using Post = std::function<void(Command)>;
 
   /// Opens the device and builds the kernels; stops between the parts with
   /// Error(cancelled) once `stop` was asked, as each advance does.
-  DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, const core::CancelToken& stop);
+  DriverLoop(const DriverSetup& setup, Publish publish, Tell tell, Post post, core::CancelToken stop);
 
   void apply(const Command& command);
   /// Called while playing: takes the steps that are due at `now`, a batch at
@@ -80,13 +91,22 @@ class DriverLoop {
   void on(const command::Release&);
   void on(const command::Undo&);
   void on(const command::Redo&);
+  void on(const command::Limited& command);
 
   void take_steps(int count);
   void steer_grab(double batch_s);
   void let_go();
   void restore(const simulation::State& state);
-  void update_bound(const std::vector<Eigen::Vector3f>& positions_mm);
+  void attach(SolverOnDevice on);
+  void apply_material(const SimulationSettings& settings);
+  void update_limit();
   void use_step();
+  void follow_limit();
+  void look_for_work();
+  void find_estimate();
+  void find_stretched();
+  void find_stretched_now();
+  bool is_stretched() const;
   void pause();
   int steps_due(double owed_s) const;
   std::shared_ptr<std::vector<Eigen::Vector3f>> positions_now();
@@ -95,8 +115,11 @@ class DriverLoop {
   DriverSetup setup_;
   Publish publish_;
   Tell tell_;
+  Post post_;
+  core::CancelToken stop_;
   model::Adjacency adjacency_;
-  simulation::StableStep bound_;
+  StableLimit limit_;
+  int substeps_ = 1;
   // The pools outlive what wraps their memory on the device.
   Pool<surface::DeformedSurface> surfaces_;
   Pool<std::vector<Eigen::Vector3f>> positions_;
@@ -110,11 +133,19 @@ class DriverLoop {
   History history_;
   bool playing_ = false;
   bool changed_ = true;
+  // Limits that are found beside.
+  std::uint64_t epoch_ = 0;  ///< of what the limit depends on
+  bool wants_estimate_ = false;
+  double looked_at_mm_ = 0.0;  ///< the displacement at the last look at the stretch
+  Clock::time_point look_next_;
+  std::shared_ptr<const std::vector<Eigen::Vector3f>> shown_mm_;
+  double shown_displacement_mm_ = 0.0;
   // Pacing.
   Clock::time_point last_;
   double owed_s_ = 0.0;           ///< simulated time that wall time has earned
   double wall_per_step_s_ = 0.0;  ///< smoothed
   double realtime_factor_ = 0.0;  ///< smoothed
+  LimitWorker worker_;            // last: its thread posts to the above
 };
 
 }  // namespace palpate::session

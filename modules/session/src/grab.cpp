@@ -69,6 +69,8 @@ void Grab::release() {
 
 bool Grab::active() const noexcept { return impl_->tool.has_value(); }
 
+bool Grab::moving() const noexcept { return active() && !impl_->velocity_mm_per_s.isZero(0.0); }
+
 const interaction::Selection& Grab::selection() const {
   return impl_->tool ? impl_->tool->selection() : impl_->none;
 }

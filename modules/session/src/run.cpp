@@ -1,6 +1,7 @@
 #include "palpate/session/run.hpp"
 
 #include "solver_setup.hpp"
+#include "step_plan.hpp"
 
 #include "palpate/core/error.hpp"
 
@@ -88,45 +89,88 @@ class GesturePlayer {
 };
 
 struct Plan {
-  double step_s = 0.0;
+  StepPlan step;
   double end_s = 0.0;
 };
 
-/// A step that the user named is kept; the automatic one is shortened a little
-/// so that whole steps make the time.
-Plan plan_of(const SimulationSettings& settings, const simulation::StableStep& bound,
+/// A step that the user named is kept, or taken in parts; the automatic one is
+/// shortened a little so that whole steps make the time.
+Plan plan_of(const SimulationSettings& settings, const simulation::StableStep& limit,
              const RunRequest& request) {
   Plan plan;
-  plan.step_s = settings.step_s ? *settings.step_s : simulation::automatic_step_s(bound);
-  if (!(plan.step_s > 0.0) || !std::isfinite(plan.step_s) || plan.step_s > 1.0)
-    core::throw_usage("The step must be above 0 s and at most 1 s.");
+  plan.step = plan_step(settings.step_s, limit);
+  const double asked_step_s = settings.step_s.value_or(plan.step.step_s);
   if (request.steps) {
     if (*request.steps < 0) core::throw_usage("The number of steps must not be negative.");
-    plan.end_s = static_cast<double>(*request.steps) * plan.step_s;
+    plan.end_s = static_cast<double>(*request.steps) * asked_step_s;
     return plan;
   }
   if (!(request.seconds >= 0.0) || request.seconds > 1e6)
     core::throw_usage("The time to simulate must be from 0 to 1000000 s.");
-  const double steps = std::ceil(request.seconds / plan.step_s - boundary);
-  if (!settings.step_s && steps > 0.0) plan.step_s = request.seconds / steps;
-  plan.end_s = steps * plan.step_s;
+  const double steps = std::ceil(request.seconds / asked_step_s - boundary);
+  if (!settings.step_s && steps > 0.0) plan.step.step_s = request.seconds / steps;
+  plan.end_s = settings.step_s ? steps * asked_step_s : request.seconds;
   return plan;
 }
 
+/// Shortens the step while the tissue is stretched, and so stiffer than at rest.
+class StretchWatch {
+ public:
+  StretchWatch(const BuiltTissue& tissue, const SimulationSettings& settings,
+               const simulation::Solver& solver, StableLimit limit)
+      : tissue_(tissue), settings_(settings), solver_(solver), limit_(limit) {}
+
+  /// The step to go on with, given how far points are from rest. Looks again
+  /// only when that changed by a third, since a look costs as much as some steps.
+  double step_s(double now_s, std::int64_t steps_taken, const simulation::Guard& guard,
+                double displacement_mm) {
+    const double change_mm = std::abs(displacement_mm - looked_at_mm_);
+    const bool is_due = steps_taken - looked_at_ >= steps_between_looks &&
+                        change_mm > std::max(0.2 * solver_.link_length_mm(), looked_at_mm_ / 3.0);
+    if (!is_due) return now_s;
+    looked_at_ = steps_taken;
+    looked_at_mm_ = displacement_mm;
+    const auto state = solver_.state();
+    limit_.set_stretched(
+        simulation::stable_step(*tissue_.tissue, settings_.parameters,
+                                {&state.positions_mm, &solver_.link_alive(), &solver_.material()}));
+    const double wanted_s = plan_step(settings_.step_s, limit_.now()).step_s;
+    // A step that the guard halved is not made longer again.
+    const bool shorter = wanted_s < 0.98 * now_s;
+    const bool longer = wanted_s > 1.1 * now_s && guard.recoveries() == 0;
+    return shorter || longer ? wanted_s : now_s;
+  }
+
+ private:
+  static constexpr std::int64_t steps_between_looks = 16;
+  const BuiltTissue& tissue_;
+  const SimulationSettings& settings_;
+  const simulation::Solver& solver_;
+  StableLimit limit_;
+  std::int64_t looked_at_ = 0;
+  double looked_at_mm_ = 0.0;
+};
+
 /// Advances to the end of the plan; the result's counts and message.
-void advance(const Plan& plan, GesturePlayer* player, simulation::Solver& solver, simulation::Guard& guard,
-             RunResult& result, const core::Progress& progress) {
+void advance(const Plan& plan, GesturePlayer* player, StretchWatch& stretch, simulation::Solver& solver,
+             simulation::Guard& guard, RunResult& result, const core::Progress& progress) {
   const auto start = std::chrono::steady_clock::now();
   // Counted in steps, not in sums of times, so that no rounding adds one.
   double t_s = 0.0;
   while (!guard.diverged()) {
+    const double left_s = plan.end_s - t_s;
+    if (left_s < 0.5 * guard.step_s()) break;
+    const double wanted_s = stretch.step_s(guard.step_s(), result.steps, guard,
+                                           static_cast<double>(solver.health().max_displacement_mm));
+    // Whole steps make the time that is left.
+    if (wanted_s != guard.step_s()) guard.set_step_s(left_s / std::ceil(left_s / wanted_s - boundary));
     const double h_s = guard.step_s();
-    const double left = std::round((plan.end_s - t_s) / h_s);
-    if (left < 1.0) break;
-    int count = static_cast<int>(std::min<double>(steps_per_batch, left));
+    int count =
+        static_cast<int>(std::clamp(std::round(left_s / h_s), 1.0, static_cast<double>(steps_per_batch)));
     if (player != nullptr) {
       if (player->before_step(t_s, h_s)) {
         count = 1;
+        guard.disturbed();
       } else {
         const double free_steps = std::ceil((player->next_begin_s() - t_s) / h_s - boundary);
         count = static_cast<int>(std::clamp(free_steps, 1.0, static_cast<double>(count)));
@@ -144,22 +188,40 @@ void advance(const Plan& plan, GesturePlayer* player, simulation::Solver& solver
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// The largest stable step of the tissue at rest: the estimate, where steps are to be taken.
+StableLimit limit_of(const BuiltTissue& tissue, const SimulationSettings& settings, const RunRequest& request,
+                     const core::Progress& progress) {
+  StableLimit limit;
+  const simulation::StabilityCase at{nullptr, nullptr, &tissue.material};
+  limit.set_bound(simulation::stable_step(*tissue.tissue, settings.parameters, at));
+  if (request.steps != 0L)
+    limit.set_estimate(simulation::estimated_stable_step(*tissue.tissue, settings.parameters, at, progress));
+  return limit;
+}
+
 }  // namespace
 
 RunResult run(const BuiltTissue& tissue, const BoundSurface& surface, const SimulationSettings& settings,
               const RunRequest& request, const core::Progress& progress) {
-  const Plan plan = plan_of(settings, tissue.stable_step, request);
+  const StableLimit limit = limit_of(tissue, settings, request, progress.part(0.0, 0.02));
+  const Plan plan = plan_of(settings, limit.now(), request);
   if (request.gesture) interaction::check_within(*request.gesture, plan.end_s * (1.0 + boundary));
-  progress.report(0.0, "Preparing the device");
-  SolverOnDevice on = open_solver(request.device, tissue.tissue, settings.parameters);
+  progress.report(0.02, "Preparing the device");
+  simulation::OpenclOptions options;
+  options.layout = settings.layout;
+  SolverOnDevice on =
+      open_solver(request.device, tissue.tissue, settings.parameters, options, tissue.material);
   simulation::Solver& solver = *on.solver;
-  simulation::Guard guard(solver, plan.step_s, simulation::Guard::usual_halvings, progress.cancel());
+  simulation::Guard guard(solver, plan.step.step_s, simulation::Guard::usual_halvings, progress.cancel());
   std::optional<GesturePlayer> player;
   if (request.gesture) player.emplace(*request.gesture, solver, *tissue.tissue);
 
   RunResult result;
-  advance(plan, player ? &*player : nullptr, solver, guard, result, progress.part(0.0, 0.98));
+  StretchWatch stretch(tissue, settings, solver, limit);
+  advance(plan, player ? &*player : nullptr, stretch, solver, guard, result, progress.part(0.02, 0.98));
   if (player) result.warnings = player->warnings();
+  if (const auto text = explain(plan.step, settings.step_s.value_or(0.0), limit.now()); !text.empty())
+    result.warnings.push_back({plan.step.has_no_limit ? "no-stable-step" : "substeps", text});
   result.state = solver.state();
   SurfaceFollower follower(on, surface, tissue.tissue->points.center_mm);
   if (follower.mapped()) {
@@ -169,13 +231,17 @@ RunResult run(const BuiltTissue& tissue, const BoundSurface& surface, const Simu
   }
   result.energy = solver.energy();
   result.step_s = guard.step_s();
-  result.stable_step_s = tissue.stable_step.step_s;
+  result.substeps = plan.step.substeps;
+  result.stable_step_s = limit.now().step_s;
+  result.stable_step_is_estimate = limit.now().is_estimate;
+  result.worst_point = limit.now().worst_point;
   result.seconds = result.state.time_s;
   result.max_displacement_mm = max_displacement_mm(*tissue.tissue, result.state.positions_mm);
   result.recoveries = guard.recoveries();
   result.diverged = guard.diverged();
   result.integrator = simulation::to_string(settings.parameters.integrator);
   result.layout = solver.layout();
+  result.layout_reason = solver.layout_reason();
   result.device = solver.device_name();
   result.driver = solver.driver();
   progress.report(1.0, "Simulated");

@@ -81,7 +81,8 @@ struct SimulationDriver::Impl {
   void simulate() {
     DriverLoop loop(
         setup, [this](Frame frame) { show(std::move(frame)); },
-        [this](const DriverEvent& event) { say(event); }, stop);
+        [this](const DriverEvent& event) { say(event); },
+        [this](Command command) { push(std::move(command)); }, stop);
     loop.publish_if_changed();
     say({DriverEvent::Kind::ready, "Ready.", "", ""});
     auto next = DriverLoop::Clock::now();
@@ -106,12 +107,13 @@ struct SimulationDriver::Impl {
     }
   }
 
-  /// A command with a parameter out of its range is refused; the simulation goes on.
+  /// A command with a parameter out of its range, or a file that cannot be used,
+  /// is refused; the simulation goes on.
   void apply(DriverLoop& loop, const Command& command) {
     try {
       loop.apply(command);
     } catch (const core::Error& error) {
-      if (error.kind() != core::ErrorKind::usage) throw;
+      if (error.kind() != core::ErrorKind::usage && error.kind() != core::ErrorKind::input) throw;
       say({DriverEvent::Kind::refused, error.what(), error.code(), error.details()});
     }
   }

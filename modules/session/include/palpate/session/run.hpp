@@ -30,6 +30,7 @@ class Grab {
   void rest();     ///< stays where it is: velocity zero
   void release();
   bool active() const noexcept;
+  bool moving() const noexcept;  ///< its velocity is not zero
   const interaction::Selection& selection() const;
   Eigen::Vector3d origin_mm() const;  ///< now
 
@@ -50,7 +51,10 @@ struct RunResult {
   simulation::Energy energy;
   long steps = 0;
   double step_s = 0.0;         ///< at the end
+  int substeps = 1;            ///< parts that a named step above the largest stable one was taken in
   double stable_step_s = 0.0;  ///< at rest
+  bool stable_step_is_estimate = false;  ///< of the converged eigenvalue; else of the per-point bound
+  std::size_t worst_point = 0;           ///< that limits the step
   double seconds = 0.0;        ///< simulated
   double wall_s = 0.0;         ///< of the stepping alone
   double max_displacement_mm = 0.0;
@@ -59,8 +63,12 @@ struct RunResult {
   std::string message;         ///< of a recovery or the divergence
   std::vector<core::Warning> warnings;  ///< a gesture's step that met no tissue
   std::string integrator, layout, device, driver;
+  std::string layout_reason;  ///< for people
 };
-/// A whole headless run. Same recipe, gesture, device: the same result.
+/// A whole headless run. A named step above the largest stable one is taken in
+/// parts (`substeps`, with a warning of that name), `steps` and `step_s` being those
+/// taken; `request.steps` counts named ones. Stretched tissue is stiffer: the step is
+/// shortened while it lasts. Same recipe, gesture, device: the same result.
 /// Throws Error(device), Error(cancelled), Error(usage); a divergence is a result.
 RunResult run(const BuiltTissue& tissue, const BoundSurface& surface, const SimulationSettings& settings,
               const RunRequest& request, const core::Progress& progress = {});

@@ -21,8 +21,9 @@ struct Frame {
   std::optional<Eigen::Vector3d> grab_origin_mm;
   double grab_radius_mm = 0.0;
   bool playing = false;
-  double step_s = 0.0;
-  double stable_step_s = 0.0;
+  double step_s = 0.0;         ///< that is taken
+  int substeps = 1;            ///< parts that a named step above the largest stable one is taken in
+  double stable_step_s = 0.0;  ///< shorter while the tissue is stretched
   std::size_t worst_point = 0;
   bool stable_step_is_estimate = false;  ///< of the converged eigenvalue; else of the per-point bound
   double ms_per_step = 0.0;       ///< measured over the last frames
@@ -70,7 +71,7 @@ class SimulationDriver {
   void reset();  ///< to rest, time 0, nothing held; can be undone
   void set_parameters(const simulation::Parameters& parameters);
   void set_step_s(std::optional<double> step_s);  ///< automatic where absent
-  /// All of them at once. What needs another solver (layout, scaling) makes one
+  /// All of them at once; parameters and step stay where one is refused. What needs another solver (layout, scaling) makes one
   /// and carries the state over; the run goes on from where it was.
   void set_settings(const SimulationSettings& settings);
 
