@@ -326,6 +326,10 @@ TEST_F(ExplicitLayout, TakesNoMoreMemoryThanPromised) {
   EXPECT_LE(static_cast<double>(opencl->bytes()), (250.0 + 10.0 * 12.0) * points);
   EXPECT_GT(opencl->bytes_per_step(),
             tissue->points.size() * 4 * 8 * 12);  // four passes over the links alone
+  const auto implicit = solver(tissue, busy(Integrator::implicit_euler));
+  EXPECT_EQ(implicit->bytes_per_step(), 0U) << "it is not known";
+  implicit->set_parameters(busy(Integrator::verlet));
+  EXPECT_GT(implicit->bytes_per_step(), tissue->points.size() * 8 * 12);
 }
 
 TEST_F(ExplicitLayout, TheLayoutIsChosenByName) {

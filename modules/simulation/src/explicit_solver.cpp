@@ -154,6 +154,7 @@ class ExplicitSolver final : public DeviceSolver {
     return sum;
   }
   std::size_t bytes_per_step() const override {
+    if (is_implicit_) return 0;  // it depends on the step
     std::size_t sum = 0;
     for (const auto& launch : scheme_->launches)
       sum +=
