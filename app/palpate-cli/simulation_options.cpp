@@ -213,7 +213,9 @@ Json to_json(const session::RunResult& result, const Prepared& prepared, const s
   object["largest_component"] = statistics.largest_component;
   object["steps"] = result.steps;
   object["step_s"] = number(result.step_s);
+  object["substeps"] = result.substeps;
   object["stable_step_s"] = number(result.stable_step_s);
+  object["stable_step_kind"] = result.stable_step_is_estimate ? "estimate" : "bound";
   object["seconds"] = number(result.seconds);
   object["wall_s"] = number(result.wall_s);
   object["ms_per_step"] = number(result.steps > 0 ? result.wall_s * 1000.0 / steps : 0.0);
@@ -222,11 +224,13 @@ Json to_json(const session::RunResult& result, const Prepared& prepared, const s
   object["kinetic_energy"] = number(result.energy.kinetic);
   object["potential_energy"] = number(result.energy.potential);
   object["momentum"] = list_of(result.energy.momentum);
+  object["anchors"] = prepared.tissue.material.anchors.size();
   object["recoveries"] = result.recoveries;
   object["diverged"] = result.diverged;
   if (!prepared.surface.space_reason.empty()) object["mesh_axes"] = prepared.surface.space_reason;
   object["integrator"] = result.integrator;
   object["layout"] = result.layout;
+  object["layout_reason"] = result.layout_reason;
   object["device"] = result.device;
   object["driver"] = result.driver;
   object["recipe_sha256"] = session::recipe_sha256(recipe);
@@ -253,8 +257,11 @@ Table table_of(const session::RunResult& result, const Prepared& prepared) {
   table.emplace_back("Farthest moved", shown(result.max_displacement_mm) + " mm");
   table.emplace_back("Kinetic energy", shown(result.energy.kinetic) + " mm^2/s^2");
   table.emplace_back("Potential energy", shown(result.energy.potential) + " mm^2/s^2");
+  if (const auto anchors = prepared.tissue.material.anchors.size(); anchors > 0)
+    table.emplace_back("Anchored", shown_count(anchors) + " points");
   table.emplace_back("Recoveries", std::to_string(result.recoveries));
   table.emplace_back("Method", result.integrator + ", " + result.layout + " links");
+  if (!result.layout_reason.empty()) table.emplace_back("Why so", result.layout_reason);
   table.emplace_back("Device", result.device);
   return table;
 }
