@@ -30,61 +30,53 @@
 #define opposed difference
 #endif
 
-/// What T_ij, and the spring, of a link are made of.
-typedef struct {
-  Lanes along, across, spring;
-} Tensor;
-
-Tensor tensor_of(const Lanes inverse, const Lanes rest_length, const Lanes k, const Lanes c) {
-  Tensor result;
-  const Lanes stretch = 1.0f - rest_length * inverse;
-  result.across = k * min(fabs(stretch), (Lanes)(1.0f));
-  result.along = (c + (k - result.across)) * (inverse * inverse);
-  result.spring = k * stretch;
-  return result;
-}
-
 /// What the link adds to a; b gets the opposite, or in passes 2 and 3 the same.
 __attribute__((always_inline)) Vector force_of(const Place a, const Place b, const Lanes factor_a,
                                                const Lanes factor_b, const Stored rest, const Law law) {
   const Vector d = difference(b.x, a.x);
-  const Lanes squared = d.x * d.x + (d.y * d.y + (d.z * d.z + 1e-30f));
+  // Nearer than 1e-6 mm there is no direction, and d is as good as 0.
+  const Lanes squared = d.x * d.x + (d.y * d.y + (d.z * d.z + 1e-12f));
 #ifdef RSQRT_IS_EXACT
   const Lanes inverse = rsqrt(squared);
-#else
+#elif IMPLICIT == 1
   const Lanes rough = ROUGH_RSQRT(squared);
   const Lanes inverse = rough * (1.5f - 0.5f * squared * rough * rough);
+#else
+  const Lanes inverse = ROUGH_RSQRT(squared);  // the matrix need not be exact, only the load
 #endif
   const Whole steps = TO_WHOLE(rest);
   const Lanes rest_length = law.rest_scale * TO_LANES(rest) + law.rest_offset;
-  // No link, or a cut one; and coincident ends, which have no direction.
-  const Lanes acts = steps != (Whole)(0u) ? (Lanes)(1.0f) : (Lanes)(0.0f);
-  const Lanes there = squared > 2e-30f ? acts : (Lanes)(0.0f);
-  Lanes k = law.stiffness * there;
-  Lanes c = law.damping * there;
 #ifdef SCALED_STIFFNESS
-  k *= 0.5f * (factor_a + factor_b);
+  const Lanes k = law.stiffness * (0.5f * (factor_a + factor_b));
+#else
+  const Lanes k = (Lanes)(law.stiffness);
 #endif
 #ifdef SCALED_DAMPING
-  c *= 0.5f * (factor_a + factor_b);
+  const Lanes c = law.damping * (0.5f * (factor_a + factor_b));
+#else
+  const Lanes c = (Lanes)(law.damping);
 #endif
-  const Tensor t = tensor_of(inverse, rest_length, k, c);
+  const Lanes stretch = 1.0f - rest_length * inverse;
+  const Lanes part = min(fabs(stretch), (Lanes)(1.0f));
+  const Truth acts = steps != (Whole)(0u);  // else no link, or a cut one
+  const Lanes across = acts ? k * part : (Lanes)(0.0f);
+  const Lanes along = acts ? ((k + c) - k * part) * (inverse * inverse) : (Lanes)(0.0f);
 #if IMPLICIT == 2
-  const Vector result = {t.along * d.x * d.x + t.across, t.along * d.y * d.y + t.across,
-                         t.along * d.z * d.z + t.across};
+  const Vector result = {along * d.x * d.x + across, along * d.y * d.y + across, along * d.z * d.z + across};
 #elif IMPLICIT == 3
-  const Vector result = {t.along * d.x * d.y, t.along * d.x * d.z, t.along * d.y * d.z};
+  const Vector result = {along * d.x * d.y, along * d.x * d.z, along * d.y * d.z};
 #else
 #if IMPLICIT == 1
   const Lanes h = (Lanes)(law.step);
   const Vector change = {h * (b.v.x - a.v.x), h * (b.v.y - a.v.y), h * (b.v.z - a.v.z)};
-  const Lanes factor = t.spring + t.along * dot_of(d, change);
+  const Lanes spring = acts ? k * stretch : (Lanes)(0.0f);  // its force is 0 with d
+  const Lanes factor = spring + along * dot_of(d, change);
 #else
   const Vector change = difference(b.v, a.v);
-  const Lanes factor = t.along * dot_of(d, change);
+  const Lanes factor = along * dot_of(d, change);
 #endif
-  const Vector result = {d.x * factor + t.across * change.x, d.y * factor + t.across * change.y,
-                         d.z * factor + t.across * change.z};
+  const Vector result = {d.x * factor + across * change.x, d.y * factor + across * change.y,
+                         d.z * factor + across * change.z};
 #endif
   return result;
 }
@@ -108,7 +100,7 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
     const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
     const float squared = dx * dx + dy * dy + dz * dz;
     const float rest_length = length_scale * as_float(link.y);
-    if (rest_length == 0.0f || squared < 1e-30f) continue;
+    if (rest_length == 0.0f || squared < 1e-12f) continue;
     float k = law.stiffness;
     float c = law.damping;
 #if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING)

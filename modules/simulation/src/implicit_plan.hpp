@@ -27,7 +27,7 @@ struct ImplicitPlan {
 /// More iterations would bring slow motion nearer to the truth; the state at
 /// rest and the stability do not depend on them.
 constexpr int implicit_fewest_iterations = 2;
-constexpr int implicit_most_iterations = 16;
+constexpr int implicit_most_iterations = 12;
 
 /// As many iterations as bring every motion to within the ripple where all
 /// eigenvalues are at least 1/spread; no more than `most`.
