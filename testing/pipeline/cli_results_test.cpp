@@ -29,7 +29,9 @@ const Words simulate_keys{"points",          "links",
                           "momentum",        "recoveries",
                           "diverged",        "integrator",
                           "layout",          "device",
-                          "driver",          "recipe_sha256"};
+                          "driver",          "recipe_sha256",
+                          "layout_reason",   "anchors",
+                          "substeps",        "stable_step_kind"};
 
 }  // namespace
 
@@ -174,7 +176,9 @@ TEST(Cli, SimulateHasEveryKeyAndRestStaysAtRest) {
   EXPECT_THAT(keys_of(object), IsSupersetOf(simulate_keys));
   EXPECT_EQ(object.at("steps"), 20);
   EXPECT_EQ(object.at("integrator"), "rk4");
-  EXPECT_EQ(object.at("layout"), "explicit");
+  EXPECT_TRUE(object.at("layout") == "lattice" || object.at("layout") == "explicit") << object.at("layout");
+  EXPECT_EQ(object.at("substeps"), 1);
+  EXPECT_EQ(object.at("anchors"), 0);
   EXPECT_FALSE(object.at("diverged").get<bool>());
   EXPECT_EQ(object.at("recoveries"), 0);
   EXPECT_LE(object.at("step_s"), object.at("stable_step_s"));
