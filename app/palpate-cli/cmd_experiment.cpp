@@ -9,9 +9,12 @@
 #include "palpate/visualization/chart.hpp"
 #include "palpate/visualization/picture.hpp"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <limits>
 #include <unistd.h>
 
 namespace palpate::cli {
@@ -102,6 +105,35 @@ vis::Chart chart_of(const evaluation::Plot& plot) {
   return chart;
 }
 
+constexpr int shape_width_px = 960;
+constexpr int shape_height_px = 480;
+
+/// From the front and a little above, without perspective, so that both halves
+/// of a picture are seen alike; all of it fits.
+interaction::Camera camera_of(const evaluation::Shape& shape) {
+  const Eigen::Vector3d toward = Eigen::Vector3d(0.18, -1.0, 0.30).normalized();
+  const Eigen::Vector3d right = Eigen::Vector3d::UnitZ().cross(toward).normalized();
+  const Eigen::Vector3d up = toward.cross(right);
+  Eigen::Vector2d low = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector2d high = -low;
+  for (const auto& place : *shape.positions_mm) {
+    const Eigen::Vector3d at = place.cast<double>();
+    const Eigen::Vector2d seen(right.dot(at), up.dot(at));
+    low = low.cwiseMin(seen);
+    high = high.cwiseMax(seen);
+  }
+  const Eigen::Vector2d middle = 0.5 * (low + high);
+  const Eigen::Vector2d half = 0.5 * (high - low);
+  interaction::Camera camera;
+  camera.focal_point_mm = shape.tissue->points.center_mm + middle.x() * right + middle.y() * up;
+  camera.position_mm = camera.focal_point_mm + 10.0 * half.norm() * toward;
+  camera.view_up = Eigen::Vector3d::UnitZ();
+  camera.parallel = true;
+  constexpr double aspect = static_cast<double>(shape_width_px) / shape_height_px;
+  camera.parallel_scale_mm = 1.06 * std::max(half.y(), half.x() / aspect) + 0.5;
+  return camera;
+}
+
 /// Points coloured by how far they moved.
 core::Picture picture_of(const evaluation::Shape& shape, const core::Progress& progress) {
   auto tissue = std::make_shared<model::Tissue>(*shape.tissue);
@@ -111,10 +143,12 @@ core::Picture picture_of(const evaluation::Shape& shape, const core::Progress& p
   content.positions_mm = shape.positions_mm;
   vis::ViewSettings settings;
   settings.show = vis::Show::points;
+  settings.camera = camera_of(shape);
   settings.annotations = false;
   settings.background = {1.0F, 1.0F, 1.0F};
   settings.use_gradient = false;
-  return vis::draw_picture(content, settings, {1200, 640, vis::PictureView::three_d}, progress);
+  return vis::draw_picture(content, settings, {shape_width_px, shape_height_px, vis::PictureView::three_d},
+                           progress);
 }
 
 /// All files of a result or none: they are made aside and then renamed.

@@ -58,6 +58,10 @@ TEST(ChartTicks, StandAtPowersOfTenOnALogarithmicAxis) {
             (Labels{"10⁻¹²", "10⁻¹⁰", "10⁻⁸", "10⁻⁶", "10⁻⁴", "10⁻²", "10⁰"}));
 }
 
+TEST(ChartTicks, StandAtRoundNumbersWhereALogarithmicAxisIsShort) {
+  EXPECT_EQ(chart_ticks(14.5, 19.3, true).labels, (Labels{"15", "16", "17", "18", "19"}));
+}
+
 TEST(ChartTicks, RefuseWhatIsNoRange) {
   EXPECT_THROW(chart_ticks(1.0, 1.0, false), core::Error);
   EXPECT_THROW(chart_ticks(0.0, 1.0, true), core::Error);

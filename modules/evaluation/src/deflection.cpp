@@ -23,7 +23,7 @@ core::Progress part_of(const core::Progress& progress, std::size_t n, std::size_
 Result noise(const Setup& setup, const core::Progress& progress) {
   Result result;
   result.name = "noise";
-  constexpr double force_mm_per_s2 = 1000.0;
+  constexpr double force_mm_per_s2 = 200.0;
   const std::vector<double> amplitudes =
       setup.quick
           ? std::vector<double>{0.0, thesis_noise, 0.4}
@@ -69,7 +69,7 @@ Result noise(const Setup& setup, const core::Progress& progress) {
 Result stiffness(const Setup& setup, const core::Progress& progress) {
   Result result;
   result.name = "stiffness";
-  constexpr double force_mm_per_s2 = 30.0;
+  constexpr double force_mm_per_s2 = 10.0;
   constexpr double soft_per_s2 = 100.0;
   const std::vector<double> constants =
       setup.quick ? std::vector<double>{soft_per_s2, 1000.0, thesis_stiffness_per_s2}

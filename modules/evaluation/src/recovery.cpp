@@ -73,8 +73,11 @@ void add_figures(Result& result, const std::vector<Kind>& kinds, const Column& a
                 x,
                 {"Residual (% of the drag)", false, {{-2.0, 102.0}}},
                 {}};
-  Plot deflection{
-      result.name + "-deflection", "Deflection under the same force", x, {"Deflection (mm)", true, {}}, {}};
+  Plot deflection{result.name + "-deflection",
+                  "Deflection under the same force",
+                  x,
+                  {"Deflection (mm)", true, {{0.08, 25.0}}},
+                  {}};
   for (const auto& kind : kinds) {
     for (const auto* column : {&kind.residual, &kind.deflection, &kind.links})
       table.columns.push_back(*column);
@@ -115,7 +118,8 @@ Result recovery_links(const Setup& setup, const core::Progress& progress) {
                                    "residual, 12 nearest, " + kind.name, kind.residual.values.back(), "%"});
     }
   }
-  add_figures(result, kinds, {"links asked for", "", numbers}, {"Nearest points asked for, n", false, {}});
+  add_figures(result, kinds, {"links asked for", "", numbers},
+              {"Nearest points asked for, n", false, {{3.0, 27.0}}});
   const std::vector<std::pair<std::string, Kind>> fixed{
       {"six", {"six neighbours", cube_of(LinkRule::six, 6, 0.0)}},
       {"six-noise", {"six neighbours, noise 0.1", cube_of(LinkRule::six, 6, 0.1)}},

@@ -81,7 +81,11 @@ ChartTicks log_ticks(double low, double high, int most) {
 ChartTicks chart_ticks(double low, double high, bool logarithmic, int most) {
   if (!(high > low) || !std::isfinite(high - low) || (logarithmic && !(low > 0.0)) || most < 1)
     throw core::Error(core::ErrorKind::internal, "chart-range", "An axis of a chart has no range.");
-  return logarithmic ? log_ticks(low, high, most) : linear_ticks(low, high, most);
+  if (logarithmic) {
+    ChartTicks ticks = log_ticks(low, high, most);
+    if (ticks.places.size() > 2) return ticks;  // else the axis spans too little for them
+  }
+  return linear_ticks(low, high, most);
 }
 
 }  // namespace palpate::visualization
