@@ -1,7 +1,5 @@
 #include "implicit_plan.hpp"
 
-#include "palpate/simulation/stability.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -23,6 +21,18 @@ std::vector<double> chebyshev_ratios(double s, int count) {
   return ratios;
 }
 
+/// P(l) = T_n(s0 - (s0 + c) l)/T_n(s0): c = cos(pi/2n), the last zero of T_n,
+/// makes P(1) = 0. With this s0 the first zero lies on l = 1/spread.
+double first_zero_on(double spread, int count) {
+  constexpr double as_good_as_infinite = 1e6;
+  const double c = std::cos(pi / (2.0 * count));
+  return std::min(c * (spread + 1.0) / std::max(spread - 1.0, 1.0 / as_good_as_infinite),
+                  as_good_as_infinite);
+}
+
+/// The s0 for which the ripple 1/T_n(s0) is the largest.
+double largest_ripple_at(int count) { return std::cosh(std::acosh(1.0 / largest_ripple) / count); }
+
 }  // namespace
 
 double ImplicitPlan::error_at(double eigenvalue) const {
@@ -37,20 +47,13 @@ double ImplicitPlan::error_at(double eigenvalue) const {
 }
 
 ImplicitPlan implicit_plan(double spread, int most) {
-  // P(l) = T_n(s0 - (s0 + c) l)/T_n(s0): c = cos(pi/2n) puts a zero of T_n on
-  // l = 1, so that a point without links is stepped exactly.
-  const double growth = std::acosh(1.0 / largest_ripple);
-  const double needed = std::ceil(0.5 * growth * std::sqrt(spread));
-  const int count = static_cast<int>(std::clamp<double>(needed, implicit_fewest_iterations, most));
-  const double last_zero = std::cos(pi / (2.0 * count));
-  // Where the iterations suffice, s(1/spread) = 1 and the ripple is smaller still.
-  constexpr double as_good_as_infinite = 1e6;
-  const double by_spread = (spread + last_zero) / std::max(spread - 1.0, 1.0 / as_good_as_infinite);
-  const double s0 = std::max(std::cosh(growth / count), std::min(by_spread, as_good_as_infinite));
+  int count = implicit_fewest_iterations;
+  while (count < most && first_zero_on(spread, count) < largest_ripple_at(count)) ++count;
+  const double s0 = std::max(first_zero_on(spread, count), largest_ripple_at(count));
+  const double slope = s0 + std::cos(pi / (2.0 * count));
 
   ImplicitPlan plan;
   const std::vector<double> ratios = chebyshev_ratios(s0, count);
-  const double slope = s0 + last_zero;
   plan.iterations.push_back({0.0, slope / s0});
   plan.ripple = ratios[0];
   for (int n = 1; n < count; ++n) {
@@ -61,24 +64,37 @@ ImplicitPlan implicit_plan(double spread, int most) {
 }
 
 ImplicitSpread implicit_spread(const model::Tissue& tissue, const Material& material) {
-  Parameters unit;
-  unit.integrator = Integrator::implicit_euler;
-  unit.stiffness_per_s2 = 1.0;
-  unit.damping_per_s = 1.0;
-  unit.drag_per_s = 0.0;
-  StabilityCase whole;
-  whole.material = &material;
-  const StableStep bound = stable_step(tissue, unit, whole);
-  ImplicitSpread spread;
-  spread.stiffness = bound.omega_per_s * bound.omega_per_s;
-  spread.damping = bound.decay_per_s;
-  spread.drag = 1.0;
-  if (material.scales_drag != material.scales_mass)
-    for (const float factor : material.factors) {
-      const auto w = static_cast<double>(factor);
-      spread.drag = std::max(spread.drag, material.scales_drag ? w : 1.0 / w);
+  const std::size_t count = tissue.points.size();
+  std::vector<Eigen::Matrix3d> stiffness(count, Eigen::Matrix3d::Zero());
+  std::vector<Eigen::Matrix3d> damping(count, Eigen::Matrix3d::Zero());
+  const auto factor = [&](bool scaled, std::size_t point) {
+    return scaled && !material.factors.empty() ? static_cast<double>(material.factors[point]) : 1.0;
+  };
+  for (std::size_t n = 0; n < tissue.links.size(); ++n) {
+    const auto [i, j] = tissue.links.pairs[n];
+    const Eigen::Vector3d apart =
+        (tissue.points.positions_mm[j] - tissue.points.positions_mm[i]).cast<double>();
+    if (tissue.links.rest_lengths_mm[n] == 0.0F || apart.isZero(0.0)) continue;
+    const Eigen::Matrix3d along = apart * apart.transpose() / apart.squaredNorm();
+    const auto mean = [&](bool scaled) { return (factor(scaled, i) + factor(scaled, j)) / 2.0; };
+    for (const auto end : {i, j}) {
+      stiffness[end] += mean(material.scales_stiffness) * along;
+      damping[end] += mean(material.scales_damping) * along;
     }
+  }
+  ImplicitSpread spread;
+  for (std::size_t n = 0; n < count; ++n) {
+    const double mass = factor(material.scales_mass, n);
+    spread.stiffness = std::max(spread.stiffness, 2.0 * eigenvalue_bound(stiffness[n]) / mass);
+    spread.damping = std::max(spread.damping, 2.0 * eigenvalue_bound(damping[n]) / mass);
+    spread.drag = std::max(spread.drag, factor(material.scales_drag, n) / mass);
+  }
   return spread;
+}
+
+double eigenvalue_bound(const Eigen::Matrix3d& matrix) {
+  const double mean = matrix.trace() / 3.0;
+  return mean + 2.0 * std::sqrt((matrix - mean * Eigen::Matrix3d::Identity()).squaredNorm() / 6.0);
 }
 
 ImplicitPlan implicit_plan(const ImplicitSpread& spread, const Parameters& parameters, double step_s) {

@@ -3,6 +3,8 @@
 #include "palpate/model/tissue.hpp"
 #include "palpate/simulation/parameters.hpp"
 
+#include <Eigen/Core>
+
 #include <vector>
 
 namespace palpate::simulation {
@@ -29,11 +31,17 @@ struct ImplicitPlan {
 constexpr int implicit_fewest_iterations = 2;
 constexpr int implicit_most_iterations = 12;
 
-/// As many iterations as bring every motion to within the ripple where all
-/// eigenvalues are at least 1/spread; no more than `most`.
+/// As many iterations as it takes for P(1/spread) = 0, the place of a motion of
+/// all points together, and all between to be within the ripple; no more than
+/// `most`, with which P(1/spread) may be anything up to 1.
 ImplicitPlan implicit_plan(double spread, int most = implicit_most_iterations);
 
-/// What the spread of a tissue at rest is made of, without its parameters.
+/// At least the largest eigenvalue: with q the mean of the three and
+/// 6 p^2 = |T - q I|^2 none is over q + 2 p.
+double eigenvalue_bound(const Eigen::Matrix3d& matrix);
+
+/// What the scale R of a step is made of in a tissue at rest, without its
+/// parameters (docs/adr/0012-*.md).
 struct ImplicitSpread {
   double stiffness = 0.0;  ///< omega^2 where k = m = 1
   double damping = 0.0;    ///< mu by the dampers where c = m = 1

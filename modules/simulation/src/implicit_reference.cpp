@@ -10,13 +10,6 @@ namespace {
 
 using Vectors = std::vector<Eigen::Vector3d>;
 
-/// At least the largest eigenvalue: with q the mean of the three and
-/// 6 p^2 = |T - q I|^2 none is over q + 2 p.
-double eigenvalue_bound(const Eigen::Matrix3d& matrix) {
-  const double mean = matrix.trace() / 3.0;
-  return mean + 2.0 * std::sqrt((matrix - mean * Eigen::Matrix3d::Identity()).squaredNorm() / 6.0);
-}
-
 struct Linearised {
   Vectors load;                         ///< b = h (F - h K v)
   std::vector<Eigen::Matrix3d> matrix;  ///< h C + h^2 K of each link
