@@ -264,10 +264,12 @@ TEST(Cli, AMeshOfTheUsersSaysHowItsAxesWereTaken) {
 }
 
 TEST(Cli, ARunThatCannotBeBroughtBackEndsWithFive) {
-  // Twelve halvings of 1 s are 0.24 ms; tissue this stiff needs a tenth of that.
+  // Euler without damping has no stable step, so this one is taken as it is; and
+  // twelve halvings of 1 s are 0.24 ms, ten times what tissue this stiff bears.
   const auto result =
-      cli(with(with({"simulate"}, small_block()), {"--device", "reference", "--stiffness", "1e9", "--step",
-                                                   "1", "--steps", "5", "--gravity", "0,0,-9810", "--json"}));
+      cli(with(with({"simulate"}, small_block()),
+               {"--device", "reference", "--integrator", "euler", "--damping", "0", "--drag", "0",
+                "--stiffness", "1e9", "--step", "1", "--steps", "5", "--gravity", "0,0,-9810", "--json"}));
   EXPECT_EQ(result.exit_code, 5) << result.error;
   EXPECT_TRUE(json::parse(result.out).at("diverged").get<bool>());
   EXPECT_NE(result.error, "");
