@@ -43,14 +43,14 @@ StepGauge::StepGauge(QWidget* parent) : QAbstractButton(parent) {
   hide();
 }
 
-void StepGauge::set_steps(double step_s, double stable_step_s) {
-  share_ = stable_step_s > 0.0 ? step_s / stable_step_s : 0.0;
+void StepGauge::set_steps(double step_s, double stable_step_s, int parts) {
+  share_ = stable_step_s > 0.0 ? step_s / stable_step_s : 2.0;  // no step at all is stable
   QString word = tr("stable");
   state_ = State::stable;
   // The automatic step is 0.9 of the bound; rounding shall not turn it amber.
   if (share_ > 1.0) {
     state_ = State::too_large;
-    word = tr("too large");
+    word = parts > 1 ? tr("too large: taken in %1 parts").arg(parts) : tr("too large");
   } else if (share_ > amber_above + 1e-6) {
     state_ = State::near_limit;
     word = tr("near the limit");
@@ -154,7 +154,9 @@ void StatusStrip::refresh() {
                           ? tr("%1× real time").arg(short_number(frame->realtime_factor, 2))
                           : QString());
   gauge_->setVisible(frame->step_s > 0.0);
-  gauge_->set_steps(frame->step_s, frame->stable_step_s);
+  const auto& named_s = workbench_.recipe().simulation.step_s;
+  const bool above = named_s && *named_s > frame->stable_step_s;
+  gauge_->set_steps(above ? *named_s : frame->step_s, frame->stable_step_s, above ? frame->substeps : 1);
 }
 
 void StatusStrip::refresh_drawing() {

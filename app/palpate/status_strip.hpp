@@ -20,7 +20,8 @@ class StepGauge : public QAbstractButton {
   enum class State { none, stable, near_limit, too_large };
 
   explicit StepGauge(QWidget* parent);
-  void set_steps(double step_s, double stable_step_s);
+  /// `parts`: how many one step above the limit is taken in.
+  void set_steps(double step_s, double stable_step_s, int parts = 1);
   State state() const { return state_; }
   QSize sizeHint() const override;
 

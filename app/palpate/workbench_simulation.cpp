@@ -75,12 +75,14 @@ void Workbench::take_frame() {
   auto frame = driver_->take_frame();
   if (!frame) return;
   since_frame_.restart();
+  const bool other_point = limit_shown_ && frame_ && frame_->worst_point != frame->worst_point;
   frame_ = std::move(frame);
   if (!ready_) {
     ready_ = true;
     emit simulationReady();
   }
   emit frameArrived();
+  if (other_point && !playing()) emit limitShown();
 }
 
 void Workbench::on_event(quint64 epoch, const session::DriverEvent& event) {
@@ -140,7 +142,7 @@ std::optional<StepLimit> Workbench::step_limit() const {
   if (!built_) return std::nullopt;
   const auto points = built_->tissue->points.size();
   StepLimit limit;
-  if (frame_ && frame_->stable_step_s > 0.0) {
+  if (frame_) {
     limit = {frame_->stable_step_s, static_cast<std::uint32_t>(frame_->worst_point),
              frame_->stable_step_is_estimate};
   } else {

@@ -193,9 +193,8 @@ void SimulatePanel::show_units() {
 // Where the patient lies is known only where the scan's axes are.
 void SimulatePanel::name_gravity() {
   const bool patient = workbench_.info().patient_axes;
-  ui_->gravityCombo->setItemText(lying,
-                                 patient ? tr("Down, lying on the back") : tr("Towards +y of the scan"));
-  ui_->gravityCombo->setItemText(upright, patient ? tr("Down, upright") : tr("Towards −z of the scan"));
+  ui_->gravityCombo->setItemText(lying, patient ? tr("Down (lying)") : tr("Along +y of the scan"));
+  ui_->gravityCombo->setItemText(upright, patient ? tr("Down (upright)") : tr("Along −z of the scan"));
   const QString unit = QLatin1Char(' ') + length_unit(workbench_.info()) + QStringLiteral("/s²");
   const std::pair<QDoubleSpinBox*, QString> fields[] = {
       {ui_->gravityX, patient ? tr("the left of the patient") : tr("+x of the scan")},

@@ -78,7 +78,7 @@ void SimulatePanel::show_anchors() {
   if (workbench_.has_tissue() && count == 0 && settings.anchors.rule == Rule::border)
     lines << tr("No tissue touches the border of the scan or of the crop box, so nothing is fixed.");
   else if (workbench_.has_tissue() && (count > 0 || settings.anchors.rule != Rule::none))
-    lines << tr("%1 of %2 points fixed, shown as blue squares")
+    lines << tr("%1 of %2 points\nfixed: blue squares")
                  .arg(grouped(count), grouped(workbench_.tissue()->statistics.points));
   set_text(ui_->anchorLabel, lines.join(QLatin1Char('\n')));
   const bool falls = workbench_.has_tissue() && count == 0 && !settings.parameters.gravity_mm_per_s2.isZero();
@@ -92,6 +92,8 @@ void SimulatePanel::show_limit() {
   QString text = QStringLiteral("–");
   if (limit && !std::isfinite(limit->step_s)) {
     text = tr("no limit with this method");
+  } else if (limit && !(limit->step_s > 0.0)) {
+    text = tr("none with this method");
   } else if (limit) {
     text = tr("%1, %2").arg(short_time(limit->step_s),
                             limit->is_estimate ? tr("measured") : tr("by a quick bound"));
@@ -113,17 +115,25 @@ void SimulatePanel::show_limit() {
 void SimulatePanel::show_warning() {
   const auto limit = workbench_.step_limit();
   const auto& step_s = workbench_.recipe().simulation.step_s;
+  const bool hopeless = limit && !(limit->step_s > 0.0);
   const bool above = limit && step_s && *step_s > limit->step_s;
-  ui_->stepWarning->setVisible(above);
+  ui_->stepWarning->setVisible(above || hopeless);
+  if (hopeless) {
+    set_text(ui_->stepWarningText, tr("With this method no step is stable without damping. Choose another "
+                                      "method under More, or add damping."));
+    return;
+  }
   if (!above) return;
-  const double share = *step_s / (0.9 * limit->step_s);
+  simulation::StableStep stable;
+  stable.step_s = limit->step_s;
+  const double parts = std::ceil(*step_s / simulation::automatic_step_s(stable) - 1e-9);
   set_text(
       ui_->stepWarningText,
       tr("%1 is above the largest stable step. Each step is taken in %2 parts of %3, so the tissue stays "
          "whole and keeps its time, and the simulation runs slower.")
           .arg(short_time(*step_s))
-          .arg(static_cast<int>(std::ceil(share)))
-          .arg(short_time(*step_s / std::ceil(share))));
+          .arg(static_cast<int>(parts))
+          .arg(short_time(*step_s / parts)));
 }
 
 }  // namespace palpate::gui
