@@ -164,17 +164,24 @@ TEST_F(Engine, ASessionBringsEachControlBack) {
 
 TEST_F(Engine, TheDriverHearsOfAChangeWhileItIsThere) {
   build_tissue();
-  const double before_s = workbench().last_frame()->stable_step_s;
-  // A hundred times as stiff vibrates ten times as fast; the dampers' share makes it a little more.
+  // Estimates are compared with estimates: each is 0.90 to 1.00 of the true limit.
+  double known_s = 0.0;
+  const auto next_limit_s = [&] {
+    EXPECT_TRUE(wait_for([&] {
+      const auto& frame = *workbench().last_frame();
+      return frame.stable_step_is_estimate && frame.stable_step_s != known_s;
+    }));
+    return known_s = workbench().last_frame()->stable_step_s;
+  };
+  const double soft_s = next_limit_s();
   set("stiffnessSpin", 100.0 * settings().parameters.stiffness_per_s2);
-  ASSERT_TRUE(wait_for([&] { return workbench().last_frame()->stable_step_s < 0.12 * before_s; }));
-  const double stiff_s = workbench().last_frame()->stable_step_s;
+  const double stiff_s = next_limit_s();
+  EXPECT_LT(stiff_s, 0.12 * soft_s) << "a hundred times as stiff vibrates ten times as fast";
   set("massSpin", 4.0);
-  // Four times the mass, half the frequency.
-  ASSERT_TRUE(wait_for([&] { return workbench().last_frame()->stable_step_s > 1.8 * stiff_s; }));
+  const double heavy_s = next_limit_s();
+  EXPECT_GT(heavy_s, 1.7 * stiff_s) << "four times the mass, half the frequency";
   choose("integratorCombo", find<QComboBox>("integratorCombo").findText("Verlet"));
-  // Verlet's limit is 2/omega, that of Runge-Kutta 2.6/omega.
-  ASSERT_TRUE(wait_for([&] { return workbench().last_frame()->stable_step_s < 1.7 * stiff_s; }));
+  EXPECT_LT(next_limit_s(), 0.87 * heavy_s) << "2/omega in place of 2.6/omega";
 }
 
 TEST_F(Engine, FixedPointsStayUnderGravity) {
@@ -214,6 +221,7 @@ TEST_F(Engine, AStepAboveTheLimitIsWarnedOfBeforeTheRun) {
   set("stepSpin", 2.0 * limit_ms);
   EXPECT_TRUE(warning.isVisible());
   EXPECT_TRUE(find<QLabel>("stepWarningText").text().contains("above the largest stable step"));
+  ASSERT_TRUE(wait_for([this] { return workbench().last_frame()->substeps > 1; })) << "as the words say";
   EXPECT_FALSE(find<QLabel>("stepWarningIcon").pixmap(Qt::ReturnByValue).isNull()) << "a shape, not a colour";
   tick("stepAuto", true);
   EXPECT_FALSE(warning.isVisible());
@@ -454,6 +462,45 @@ TEST_F(Engine, AfterADeviceWasLostItGoesOnFromWhatIsShown) {
   EXPECT_EQ(workbench().device(), "reference");
   EXPECT_EQ(*workbench().last_frame()->positions_mm, *shown);
   EXPECT_EQ(workbench().last_frame()->time_s, time_s);
+}
+
+/// A device that stops after so many launches of kernels: more than building
+/// and warming up takes, fewer than a run of a second.
+class LostDevice : public Engine {
+ protected:
+  LostDevice() { setenv("PALPATE_FAIL_AFTER_LAUNCHES", "600", 1); }
+  ~LostDevice() override {
+    close_window();
+    unsetenv("PALPATE_FAIL_AFTER_LAUNCHES");
+  }
+};
+
+TEST_F(LostDevice, LeavesTheLastStateAndTheReferenceGoesOnFromIt) {
+  choose("gravityCombo", 1);
+  build_tissue();
+  click("simulateButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().simulation_stopped(); }));
+  EXPECT_FALSE(message().isEmpty());
+  EXPECT_FALSE(workbench().playing());
+  EXPECT_TRUE(find<QLabel>("timeLabel").text().startsWith("Stopped at"));
+  EXPECT_FALSE(find<QPushButton>("simulateButton").isEnabled());
+  ASSERT_TRUE(workbench().last_frame().has_value());
+  const double stopped_s = workbench().last_frame()->time_s;
+  EXPECT_GT(stopped_s, 0.0);
+  const auto shown = workbench().last_frame()->positions_mm;
+  EXPECT_EQ(workbench().content().positions_mm, shown) << "still on the screen";
+  QSignalSpy saved(&window().session(), &gui::SessionKeeper::saved);
+  window().session().save(path("lost.palpate.json"));
+  QSignalSpy pictured(&workbench(), &gui::Workbench::pictureSaved);
+  workbench().save_picture(path("lost.png"), window().views().picture_settings(),
+                           {320, 240, visualization::PictureView::three_d});
+  ASSERT_TRUE(wait_for([&] { return !saved.isEmpty() && !pictured.isEmpty(); }));
+  workbench().go_on_with("reference");
+  ASSERT_TRUE(
+      wait_for([this] { return workbench().simulation_ready() && workbench().last_frame().has_value(); }));
+  EXPECT_EQ(workbench().last_frame()->time_s, stopped_s);
+  EXPECT_EQ(*workbench().last_frame()->positions_mm, *shown);
+  EXPECT_TRUE(find<QPushButton>("simulateButton").isEnabled());
 }
 
 }  // namespace
