@@ -153,21 +153,23 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
   *force = sum(*force, extra);
 }
 
-/// The segment's part of a pass, once the sums over its links are known.
+/// The segment's part of a pass, once the sums over its links are known; drag
+/// is h D/m.
 __attribute__((always_inline)) void advance(const uint segment, Vector a, const Lanes free,
                                             __global const Lanes* source, __global const Lanes* base,
                                             __global const Lanes* second, __global const Lanes* third,
                                             __global Lanes* target, const Lanes drag, const Lanes over_mass,
-                                            const float4 gravity, const float h, const uint mode) {
+                                            const float4 gravity, const float h, const uint mode,
+                                            const uint all_free) {
   const Lanes by_mass = free * over_mass;
   __global Lanes* load = (__global Lanes*)second + 6 * segment;
 #if IMPLICIT == 1
   const Vector v = loaded(source + 6 * segment + 3);
   const Lanes by_step = (Lanes)(h > 0.0f ? 1.0f / h : 0.0f);
   const Lanes mass = 1.0f / over_mass;
-  const Vector b = {a.x * by_step - drag * v.x + h * gravity.x * mass,
-                    a.y * by_step - drag * v.y + h * gravity.y * mass,
-                    a.z * by_step - drag * v.z + h * gravity.z * mass};
+  const Vector b = {a.x * by_step + mass * (h * gravity.x - drag * v.x),
+                    a.y * by_step + mass * (h * gravity.y - drag * v.y),
+                    a.z * by_step + mass * (h * gravity.z - drag * v.z)};
   store(b, load);
   const Vector x = loaded(source + 6 * segment);
   store(x, target + 6 * segment);
@@ -185,7 +187,7 @@ __attribute__((always_inline)) void advance(const uint segment, Vector a, const 
   const Vector apart = {own.x - q, own.y - q, own.z - q};
   const Lanes size = dot_of(apart, apart) + 2.0f * dot_of(a, a);
   const Lanes largest = q + 2.0f * sqrt(size * (1.0f / 6.0f));
-  const Lanes bound = 1.0f + by_mass * (drag + 2.0f * largest);
+  const Lanes bound = 1.0f + free * drag + 2.0f * by_mass * largest;
   load[3] = largest > 0.0f ? -bound : bound;
 #else
   __global const float* all = (__global const float*)third;
@@ -196,7 +198,7 @@ __attribute__((always_inline)) void advance(const uint segment, Vector a, const 
   const Lanes rate = gravity.y / bound;
   const Lanes size = (gravity.z > 0.0f ? 0.0f : 1.0f) + gravity.z / bound;
   const Lanes past = momentum * ((gravity.w > 0.0f ? 0.0f : 1.0f) + gravity.w / bound);
-  const Lanes keep = size * (1.0f + momentum - rate * (1.0f + by_mass * drag));
+  const Lanes keep = size * (1.0f + momentum - rate * (1.0f + free * drag));
   const Lanes gain = rate * by_mass;
   const Vector u = loaded(source + 6 * segment + 3);
   const Vector b = loaded(load);
