@@ -29,16 +29,20 @@
 //   step_x .. from a site to the next along a row, to the next row, to the next plane; mm
 // Slots, from site (x, y, z): 0 (+1,0,0); 1 2 3 row (y+1, z) straight, ahead,
 // behind; 4 5 6 row (y, z+1); 7 row (y+1, z+1); 8 row (y-1, z+1); 9 10 and 11 12
-// ahead and behind in those two. Straight: same x; ahead: from x to their x+1;
-// behind: from our x+1 to their x, kept in the lane of x. SLOTS has a bit for
-// each that is used; only those are stored.
+// ahead and behind in those two. Straight: same x; ahead: from our x-1 to their
+// x; behind: from our x+1 to their x; kept in the lane of their x. SLOTS has a
+// bit for each that is used; only those are stored. So only our own row is
+// shifted by a lane, once for all rows beside it.
+// Vectors are in the lattice's own frame, so that its steps are along x, y and
+// z; where the lattice's axes are not at right angles (SHEARED) they are in LPS.
 //
 // Work-item: a chunk, a list of segments in the order of z, y, x. Forces on a
 // segment from those before it wait in `waiting`; what leaves the chunk's own
 // rows goes to a segment that nobody reads, and the chunk beside evaluates it
 // again (entries without OWN). So nothing is shared and nothing is atomic, and
 // every sum has one order.
-// Preconditions: segment 0 and the one after the last are zero; chunks of a
+// Preconditions: segment 0 and the one after the last are zero; a chunk ends with
+// an entry without flags, which only completes the one before it; chunks of a
 // launch own different rows; launches go through the slabs in order.
 // CPU twin: simulation::make_reference_solver.
 #include "lanes.cl"
@@ -59,7 +63,7 @@
 #endif
 
 typedef struct {
-  float stiffness, rest_scale, rest_offset, damping;
+  float stiffness, rest_scale, rest_offset, damping, step;
 } Law;
 
 /// Where a slot is stored: the used ones before it.
@@ -71,6 +75,11 @@ uint rank_of(const uint slot) {
   return rank;
 }
 #define STORED_SLOTS rank_of(13)
+
+#ifdef IMPLICIT
+#include "implicit_lattice.cl"
+#else
+#define opposed difference
 
 /// The force on a. Where both are at one place d is 0 and so is the force.
 __attribute__((always_inline)) Vector force_of(const Place a, const Place b, const Lanes factor_a, const Lanes factor_b, const Stored rest,
@@ -112,6 +121,7 @@ __attribute__((always_inline)) Vector force_of(const Place a, const Place b, con
   const Vector force = {d.x * factor, d.y * factor, d.z * factor};
   return force;
 }
+#endif
 
 Place place_in(__global const Lanes* restrict states, const uint segment) {
   Place result;
@@ -124,7 +134,7 @@ Place place_in(__global const Lanes* restrict states, const uint segment) {
   return result;
 }
 
-/// The place of each lane's next in the row.
+/// The place of each lane's next in the row, and of the one before it.
 Place next_of(const Place own, const Place next) {
   Place result;
   result.x = pulled(own.x, next.x);
@@ -133,6 +143,34 @@ Place next_of(const Place own, const Place next) {
 #else
   result.v = own.v;
 #endif
+  return result;
+}
+Place previous_of(const Place own, const Place previous) {
+  Place result;
+  result.x = pushed(own.x, previous.x);
+#ifndef UNDAMPED
+  result.v = pushed(own.v, previous.v);
+#else
+  result.v = own.v;
+#endif
+  return result;
+}
+
+// Which components of a step are not zero.
+#ifdef SHEARED
+#define ALONG_X 7u
+#define ALONG_Y 7u
+#define ALONG_Z 7u
+#else
+#define ALONG_X 1u
+#define ALONG_Y 2u
+#define ALONG_Z 4u
+#endif
+Vector moved_by(const Vector x, const float4 by, const uint components) {
+  Vector result = x;
+  if (components & 1u) result.x += by.x;
+  if (components & 2u) result.y += by.y;
+  if (components & 4u) result.z += by.z;
   return result;
 }
 
@@ -144,50 +182,45 @@ Place next_of(const Place own, const Place next) {
 
 /// A segment as its links see it.
 typedef struct {
-  Place here, ahead;                  ///< of the segment's points, and of each lane's next
-  Lanes factors_here, factors_ahead;  ///< of the material
-  Vector force;                       ///< on the points
-  Vector against;                     ///< what acts on each lane's next, turned round
+  Place next, previous;  ///< of each lane's point the one after and before it
+  Lanes factors_here, factors_next, factors_previous;  ///< of the material
+  Vector force;      ///< on the points
+  Vector on_next;    ///< on each lane's next, turned round
+  Vector on_previous;  ///< on the one before, turned round
 } Work;
 
-/// The links between the segment and the row whose sites beside it are in
-/// `row`; `carry` is the force that the last segment left for their first lane.
+/// The links between the segment and the row whose sites beside it are in `row`.
 __attribute__((always_inline)) void links_to_row(
-    Work* work, __global const Lanes* source, __global const Lanes* restrict factors, __global Lanes* waiting,
-    __global const Stored* restrict rest, const uint segment, const uint row, const uint target,
-    const float4 row_step, const float4 step_x, const uint straight, const uint ahead, const uint behind,
-    Vector* carry, const Law law) {
-  const Place raw = place_in(source, row);
-  Place there = raw;
-  there.x = moved(raw.x, row_step);
+    Work* work, __global const Lanes* source, __global const Lanes* factors, __global Lanes* waiting,
+    __global const Stored* rest, const uint segment, const uint row, const uint target, const float4 row_step,
+    const uint components, const uint straight, const uint ahead, const uint behind, const Law law) {
+  Place there = place_in(source, row);
+  there.x = moved_by(there.x, row_step, components);
   const Lanes factors_there = FACTORS_IN(row);
   __global Lanes* sums = waiting + 3 * target;
   Vector on_them = loaded(sums);
-  if (HAS(behind)) {
-    const Vector force =
-        force_of(there, work->ahead, factors_there, work->factors_ahead, rest[rank_of(behind)], law);
-    on_them = sum(on_them, force);
-    work->against = sum(work->against, force);
-  }
-  const Place here = place_in(source, segment);
   if (HAS(straight)) {
-    const Vector force =
-        force_of(here, there, work->factors_here, factors_there, rest[rank_of(straight)], law);
-    work->force = sum(work->force, force);
-    on_them = difference(on_them, force);
+    const Vector force = force_of(there, place_in(source, segment), factors_there, work->factors_here,
+                                  rest[rank_of(straight)], law);
+    on_them = sum(on_them, force);
+    work->force = opposed(work->force, force);
   }
   if (HAS(ahead)) {
-    Place next = next_of(raw, place_in(source, row + 1));
-    next.x = moved(next.x, row_step + step_x);
-    const Vector force = force_of(here, next, work->factors_here,
-                                  NEXT_LANES(factors_there, FACTORS_IN(row + 1)), rest[rank_of(ahead)], law);
-    work->force = sum(work->force, force);
-    on_them = difference(on_them, pushed(force, *carry));
-    *carry = force;
+    const Vector force =
+        force_of(there, work->previous, factors_there, work->factors_previous, rest[rank_of(ahead)], law);
+    on_them = sum(on_them, force);
+    work->on_previous = sum(work->on_previous, force);
+  }
+  if (HAS(behind)) {
+    const Vector force =
+        force_of(there, work->next, factors_there, work->factors_next, rest[rank_of(behind)], law);
+    on_them = sum(on_them, force);
+    work->on_next = sum(work->on_next, force);
   }
   store(on_them, sums);
 }
 
+#ifndef IMPLICIT
 /// Links that leave the stencil, one by one.
 /// Each: partner's segment and lane, rest length (mm), offset of its site as
 /// three signed numbers of 16 bits, own lane.
@@ -240,16 +273,22 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
   *force = sum(*force, extra);
 }
 
-/// Writes the segment's target, once all its forces are known.
+/// Writes the segment's target, once all its forces are known. `drag` is per unit of the point's mass;
+/// all_free: nothing is held and there is no gravity.
 __attribute__((always_inline)) void advance(const uint segment, Vector a, const Lanes free, __global const Lanes* source,
              __global const Lanes* base, __global const Lanes* second, __global const Lanes* third,
              __global Lanes* target, const Lanes drag, const Lanes over_mass, const float4 gravity, const float h,
-             const uint mode) {
+             const uint mode, const uint all_free) {
   const Vector x = loaded(source + 6 * segment);
   const Vector v = loaded(source + 6 * segment + 3);
-  a.x = free * (over_mass * (a.x - drag * v.x) + gravity.x);
-  a.y = free * (over_mass * (a.y - drag * v.y) + gravity.y);
-  a.z = free * (over_mass * (a.z - drag * v.z) + gravity.z);
+  a.x = over_mass * a.x - drag * v.x;
+  a.y = over_mass * a.y - drag * v.y;
+  a.z = over_mass * a.z - drag * v.z;
+  if (!all_free) {
+    a.x = free * (a.x + gravity.x);
+    a.y = free * (a.y + gravity.y);
+    a.z = free * (a.z + gravity.z);
+  }
   const Lanes step = (Lanes)(h);
   const Lanes free_step = h * free;
   Vector new_x;
@@ -289,6 +328,7 @@ __attribute__((always_inline)) void advance(const uint segment, Vector a, const 
   store(new_v, target + 6 * segment + 3);
 }
 
+#endif
 __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
                     __global const Lanes* second, __global const Lanes* third, __global Lanes* target,
                     __global Lanes* waiting, __global const Stored* restrict rest,
@@ -304,12 +344,13 @@ __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
   const uint chunk = first_chunk + get_global_id(0);
   const uint end = chunks[chunk + 1];
   const uint trash = first_trash + get_global_id(0);
-  const Law law = {stiffness, rest_scale, rest_offset, damping};
-  Vector carry_own = zero_vector();
-  Vector carry0 = zero_vector();
-  Vector carry1 = zero_vector();
-  Vector carry2 = zero_vector();
-  Vector carry3 = zero_vector();
+  const Law law = {stiffness, rest_scale, rest_offset, damping, h};
+  // Of the segment before: its forces but for those that this one's first lane has on its last.
+  Vector pending = zero_vector();
+  Vector on_previous = zero_vector();
+  Vector on_next = zero_vector();
+  uint previous = 0;
+  uint previous_flags = 0;
   for (uint n = chunks[chunk]; n < end; ++n) {
     const uint segment = entries[n].x;
     const uint flags = entries[n].y;
@@ -318,61 +359,73 @@ __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
     const Place here = place_in(source, segment);
     work.factors_here = FACTORS_IN(segment);
     if (HAS(0) | HAS(3) | HAS(6) | HAS(10) | HAS(12)) {
-      work.ahead = next_of(here, place_in(source, segment + 1));
-      work.ahead.x = moved(work.ahead.x, step_x);
-      work.factors_ahead = NEXT_LANES(work.factors_here, FACTORS_IN(segment + 1));
+      work.next = next_of(here, place_in(source, segment + 1));
+      work.next.x = moved_by(work.next.x, step_x, ALONG_X);
+      work.factors_next = NEXT_LANES(work.factors_here, FACTORS_IN(segment + 1));
     }
+    if (HAS(2) | HAS(5) | HAS(9) | HAS(11)) {
+      work.previous = previous_of(here, place_in(source, segment - 1));
+      work.previous.x = moved_by(work.previous.x, -step_x, ALONG_X);
+      work.factors_previous = PREVIOUS_LANES(work.factors_here, FACTORS_IN(segment - 1));
+    }
+    work.on_previous = zero_vector();
     if (HAS(0)) {
-      work.force = force_of(here, work.ahead, work.factors_here, work.factors_ahead, lengths[rank_of(0)], law);
-      work.against = work.force;
+      work.force = force_of(here, work.next, work.factors_here, work.factors_next, lengths[rank_of(0)], law);
+      work.on_next = work.force;
     } else {
       work.force = zero_vector();
-      work.against = zero_vector();
+      work.on_next = zero_vector();
     }
     const uint4 beside = rows[segment];
-#define DO_ROW(index, target, component, row_step, straight, ahead, behind)                        \
-  links_to_row(&work, source, factors, waiting, lengths, segment, beside.component, target, row_step, step_x, \
-               straight, ahead, behind, &carry##index, law);
-#define DO_ROW_IF(index, component, row_step, straight, ahead, behind)                                      \
-  if (HAS(straight) | HAS(ahead) | HAS(behind)) {                                                           \
-    if (flags & ROW(index))                                                                                 \
-      DO_ROW(index, flags& WRITES(index) ? beside.component : trash, component, row_step, straight, ahead,  \
-             behind)                                                                                        \
-    else                                                                                                    \
-      carry##index = zero_vector();                                                                         \
-  }
+#define DO_ROW(target, component, row_step, components, straight, ahead, behind)                              \
+  links_to_row(&work, source, factors, waiting, lengths, segment, beside.component, target, row_step, components, \
+               straight, ahead, behind, law);
+#define DO_ROW_IF(index, component, row_step, components, straight, ahead, behind)                              \
+  if ((HAS(straight) | HAS(ahead) | HAS(behind)) && (flags & ROW(index)))                                       \
+    DO_ROW(flags& WRITES(index) ? beside.component : trash, component, row_step, components, straight, ahead, \
+           behind)
     if ((flags & WHOLE) == WHOLE) {
-      if (HAS(1) | HAS(2) | HAS(3)) DO_ROW(0, beside.x, x, step_y, 1, 2, 3)
-      if (HAS(4) | HAS(5) | HAS(6)) DO_ROW(1, beside.y, y, step_z, 4, 5, 6)
-      if (HAS(7) | HAS(9) | HAS(10)) DO_ROW(2, beside.z, z, step_y + step_z, 7, 9, 10)
-      if (HAS(8) | HAS(11) | HAS(12)) DO_ROW(3, beside.w, w, step_z - step_y, 8, 11, 12)
+      if (HAS(1) | HAS(2) | HAS(3)) DO_ROW(beside.x, x, step_y, ALONG_Y, 1, 2, 3)
+      if (HAS(4) | HAS(5) | HAS(6)) DO_ROW(beside.y, y, step_z, ALONG_Z, 4, 5, 6)
+      if (HAS(7) | HAS(9) | HAS(10)) DO_ROW(beside.z, z, step_y + step_z, ALONG_Y | ALONG_Z, 7, 9, 10)
+      if (HAS(8) | HAS(11) | HAS(12)) DO_ROW(beside.w, w, step_z - step_y, ALONG_Y | ALONG_Z, 8, 11, 12)
     } else {
-      DO_ROW_IF(0, x, step_y, 1, 2, 3)
-      DO_ROW_IF(1, y, step_z, 4, 5, 6)
-      DO_ROW_IF(2, z, step_y + step_z, 7, 9, 10)
-      DO_ROW_IF(3, w, step_z - step_y, 8, 11, 12)
+      DO_ROW_IF(0, x, step_y, ALONG_Y, 1, 2, 3)
+      DO_ROW_IF(1, y, step_z, ALONG_Z, 4, 5, 6)
+      DO_ROW_IF(2, z, step_y + step_z, ALONG_Y | ALONG_Z, 7, 9, 10)
+      DO_ROW_IF(3, w, step_z - step_y, ALONG_Y | ALONG_Z, 8, 11, 12)
     }
-    Vector force = difference(work.force, pushed(work.against, carry_own));
-    carry_own = work.against;
-    if (!(flags & OWN)) continue;
-    __global Lanes* sums = waiting + 3 * segment;
-    force = sum(force, loaded(sums));
-    store(zero_vector(), sums);
-    if (flags & OVERFLOWS)
-      overflow_links(&force, (__global const float*)source, (__global const float*)factors, segment,
-                     overflow_begins[segment], overflow_begins[segment + 1], overflow, step_x, step_y, step_z,
-                     length_scale, law);
-    const Lanes free = all_free ? (Lanes)(1.0f) : freedom[segment];
+    if (!(flags & OWN)) {  // its neighbours in the row may not be in the list
+      work.on_next = zero_vector();
+      work.on_previous = zero_vector();
+    }
+    if (previous_flags & OWN) {
+      Vector force = opposed(pending, pulled(on_previous, work.on_previous));
+      __global Lanes* sums = waiting + 3 * previous;
+      force = sum(force, loaded(sums));
+      store(zero_vector(), sums);
+      if (previous_flags & OVERFLOWS)
+        overflow_links(&force, (__global const float*)source, (__global const float*)factors, previous,
+                       overflow_begins[previous], overflow_begins[previous + 1], overflow, step_x, step_y, step_z,
+                       length_scale, law);
+      const Lanes free = all_free ? (Lanes)(1.0f) : freedom[previous];
 #ifdef SCALED_DRAG
-    const Lanes own_drag = drag * work.factors_here;
+      const Lanes own_drag = drag * FACTORS_IN(previous);
 #else
-    const Lanes own_drag = (Lanes)(drag);
+      const Lanes own_drag = (Lanes)(drag);
 #endif
 #ifdef SCALED_MASS
-    const Lanes inverse_mass = over_mass / work.factors_here;
+      const Lanes inverse_mass = over_mass / FACTORS_IN(previous);
 #else
-    const Lanes inverse_mass = (Lanes)(over_mass);
+      const Lanes inverse_mass = (Lanes)(over_mass);
 #endif
-    advance(segment, force, free, source, base, second, third, target, own_drag, inverse_mass, gravity, h, mode);
+      advance(previous, force, free, source, base, second, third, target, own_drag * inverse_mass, inverse_mass, gravity, h, mode,
+              all_free);
+    }
+    pending = opposed(work.force, pushed(work.on_next, on_next));
+    on_next = work.on_next;
+    on_previous = work.on_previous;
+    previous = segment;
+    previous_flags = flags;
   }
 }

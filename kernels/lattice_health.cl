@@ -53,6 +53,15 @@ End next_end(const End own, const End next) {
   return result;
 }
 
+End previous_end(const End own, const End previous) {
+  End result;
+  result.place.x = pushed(own.place.x, previous.place.x);
+  result.place.v = pushed(own.place.v, previous.place.v);
+  result.free = PREVIOUS_LANES(own.free, previous.free);
+  result.factors = PREVIOUS_LANES(own.factors, previous.factors);
+  return result;
+}
+
 /// Adds a slot's links to the sums.
 void add_links(const End a, const End b, const Stored rest, const float quantum, const float offset,
                const float length_scale, Lanes* elastic, Lanes* rate) {
@@ -128,6 +137,8 @@ __kernel void link_health(__global const Lanes* restrict states, __global const 
     weight += mass * (own.place.x.x * gravity.x + own.place.x.y * gravity.y + own.place.x.z * gravity.z);
     End next = next_end(own, end_in(states, freedom, factors, segment + 1));
     next.place.x = moved(next.place.x, step_x);
+    End previous = previous_end(own, end_in(states, freedom, factors, segment - 1));
+    previous.place.x = moved(previous.place.x, -step_x);
     __global const Stored* lengths = rest + rank_of(13) * segment;
 #define ADD(a, b, slot) \
   if (HAS(slot)) add_links(a, b, lengths[rank_of(slot)], quantum, offset, length_scale, &elastic, &rate);
@@ -136,11 +147,9 @@ __kernel void link_health(__global const Lanes* restrict states, __global const 
 #define ADD_ROW(row, row_step, straight, ahead, behind)                                         \
   if (HAS(straight) | HAS(ahead) | HAS(behind)) {                                               \
     End there = end_in(states, freedom, factors, row);                                          \
-    End there_next = next_end(there, end_in(states, freedom, factors, (row) + 1));              \
     there.place.x = moved(there.place.x, row_step);                                             \
-    there_next.place.x = moved(there_next.place.x, (row_step) + step_x);                        \
     ADD(own, there, straight)                                                                   \
-    ADD(own, there_next, ahead)                                                                 \
+    ADD(there, previous, ahead)                                                                 \
     ADD(there, next, behind)                                                                    \
   }
     ADD_ROW(beside.x, step_y, 1, 2, 3)

@@ -1,12 +1,13 @@
 // What a lattice of points shows of itself, and what moves single points of it.
 //
 // Equations
-//   publish  x of a point = the site of its lane + its place relative to it
+//   publish  x of a point = the site of its lane + A its place relative to it
 //   grab     x += alpha u h, v = (1 - alpha) v + alpha u (thesis 3.4.1)
 //   health   partial = (max |x - x0|^2, max |v|^2, 1 if any component is not finite)
 // Symbols      arguments                       units
 //   states     as in lattice.cl                mm, mm/s
 //   site       origins, step_x                 mm: of lane 0, and from lane to lane
+//   A          axis_x, axis_y, axis_z          1: the lattice's frame in LPS
 //   x0         rest_positions, as states       mm
 //   alpha u h  selectances, velocity, h        0 .. 1, mm/s, s; h = 0 sets the velocity alone
 //   lanes      lane_of_point, held             segment * LANES + lane
@@ -16,14 +17,15 @@
 #include "lanes.cl"
 
 __kernel void publish(__global const float* restrict states, __global const uint* restrict lane_of_point,
-                      __global const float4* restrict origins, const float4 step_x,
-                      __global float4* restrict positions, const uint point_count) {
+                      __global const float4* restrict origins, __global float4* restrict positions,
+                      const uint point_count, const float4 step_x, const float4 axis_x, const float4 axis_y,
+                      const float4 axis_z) {
   const uint point = get_global_id(0);
   if (point >= point_count) return;
   const uint segment = lane_of_point[point] / LANES;
   const uint lane = lane_of_point[point] % LANES;
   __global const float* own = states + segment * 6 * LANES + lane;
-  const float4 place = (float4)(own[0], own[LANES], own[2 * LANES], 0.0f);
+  const float4 place = own[0] * axis_x + own[LANES] * axis_y + own[2 * LANES] * axis_z;
   positions[point] = (origins[segment] + (float)lane * step_x) + place;
 }
 

@@ -56,9 +56,14 @@ struct LatticeLayout {
   std::vector<std::uint32_t> row_begins;     ///< first segment of a row (plane * rows + row), and one more
   std::vector<std::uint32_t> lane_of_point;  ///< segment * lanes + lane
   std::vector<std::array<std::uint32_t, 4>> rows;  ///< of segments + 2: those beside it, 0 for none
-  std::vector<std::array<float, 4>>
-      origins_mm;                           ///< of segments + 2: the site of lane 0, relative to the centre
-  std::array<Eigen::Vector3f, 3> steps_mm;  ///< from a site to the next along the lattice's axes
+  std::vector<LatticeSite> first_sites;            ///< of segments + 2: of lane 0
+
+  /// Vectors of the solver are in a frame along the lattice's axes; LPS where
+  /// those are not at right angles (is_sheared).
+  Eigen::Matrix3d to_lps = Eigen::Matrix3d::Identity();
+  bool is_sheared = false;
+  Eigen::Vector3d corner_mm = Eigen::Vector3d::Zero();  ///< of site 0 0 0, LPS, relative to the centre
+  std::array<Eigen::Vector3d, 3> steps_mm;  ///< in that frame, from a site to the next; exact in float32
 
   LatticeSlots slots;
   std::vector<std::uint16_t>
@@ -73,9 +78,10 @@ struct LatticeLayout {
   std::size_t links_in_overflow = 0;
 
   double lanes_per_point() const noexcept;
-  LatticeSite site_of(std::uint32_t lane) const;
-  /// Exact: sites are multiples of a number that float32 holds for all of them.
-  Eigen::Vector3f site_mm(std::uint32_t lane) const noexcept;
+  LatticeSite site_of(std::uint32_t lane) const noexcept;
+  /// LPS, relative to the centre. Where the lattice lies along LPS all sites are
+  /// numbers that float32 holds.
+  Eigen::Vector3d site_mm(std::uint32_t lane) const noexcept;
   std::uint16_t stored_length(float rest_length_mm) const noexcept;
   LatticePlace place_of(std::uint32_t lane_a, std::uint32_t lane_b) const;
 };

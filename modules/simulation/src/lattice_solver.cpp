@@ -1,6 +1,7 @@
 #include "lattice_solver.hpp"
 
 #include "device_solver.hpp"
+#include "implicit_lattice.hpp"
 #include "lattice_layout.hpp"
 #include "lattice_threads.hpp"
 
@@ -9,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <map>
 #include <utility>
@@ -22,6 +22,9 @@ using compute::Buffer;
 using compute::Kernel;
 
 constexpr std::size_t health_items = 256;
+// The four states of a slab fit the second-level caches of two cores; a launch
+// costs as much as some hundred lanes.
+constexpr std::size_t lanes_in_slab = 24576;
 
 unsigned lanes_for(const compute::Device& device, const OpenclOptions& options) {
   const unsigned wanted = options.points_per_item;
@@ -124,9 +127,8 @@ class LatticeSolver final : public DeviceSolver {
         reason_(std::move(reason)),
         library_(device_given),
         layout_(build_lattice(tissue(), lanes_for(device_given, options))) {
-    const char* slab = std::getenv("LAT_SLAB");
-    const char* chunks = std::getenv("LAT_CHUNKS");
-    schedule_ = schedule_of(layout_, slab ? std::atoi(slab) : 1000000000, chunks ? std::atoi(chunks) : 2);
+    schedule_ =
+        schedule_of(layout_, lanes_in_slab / layout_.lanes, std::max(1U, device_given.info().compute_units));
     allocate();
     State rest{0.0, tissue().points.positions_mm, {}};
     rest.velocities_mm_per_s.assign(point_count(), Eigen::Vector3f::Zero());
@@ -151,13 +153,13 @@ class LatticeSolver final : public DeviceSolver {
   LinkHealth link_health() override {
     const Parameters& p = parameters();
     const std::size_t share = (layout_.segments + health_items - 1) / health_items;
-    link_health_.set_all(
-        state_buffer(), freedom_, factors_ ? factors_ : freedom_, rest_, rows_, overflow_begins_, overflow_,
-        link_sums_, partials_, static_cast<std::uint32_t>(layout_.segments),
-        static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(health_items), layout_.rest_quantum_mm,
-        layout_.rest_offset_mm, static_cast<float>(rest_scale_at(p, time_s())), float4(p.gravity_mm_per_s2));
-    for (unsigned axis = 0; axis < 3; ++axis)
-      link_health_.set(16 + axis, float4(layout_.steps_mm[axis].cast<double>()));
+    link_health_.set_all(state_buffer(), freedom_, factors_ ? factors_ : freedom_, rest_, rows_,
+                         overflow_begins_, overflow_, link_sums_, partials_,
+                         static_cast<std::uint32_t>(layout_.segments), static_cast<std::uint32_t>(share),
+                         static_cast<std::uint32_t>(health_items), layout_.rest_quantum_mm,
+                         layout_.rest_offset_mm, static_cast<float>(rest_scale_at(p, time_s())),
+                         float4(from_lps(p.gravity_mm_per_s2)));
+    for (unsigned axis = 0; axis < 3; ++axis) link_health_.set(16 + axis, float4(layout_.steps_mm[axis]));
     link_health_.run(health_items, 1);
     return link_health_of_sums();
   }
@@ -210,6 +212,7 @@ class LatticeSolver final : public DeviceSolver {
                                  &partials_,
                                  &link_sums_})
       sum += buffer->bytes();
+    if (implicit_) sum += implicit_->bytes();
     return sum;
   }
 
@@ -235,11 +238,22 @@ class LatticeSolver final : public DeviceSolver {
   }
 
   void begin_steps(double step_s) override {
+    if (parameters_in_use_.integrator == Integrator::implicit_euler) {
+      implicit_->begin_steps(parameters_in_use_, float4(from_lps(parameters_in_use_.gravity_mm_per_s2)),
+                             step_s, kernels_of(*scheme_), y_, freedom_, s4_, {&s2_, &s3_});
+      return;
+    }
     for (auto* list : {&scheme_->stages, &scheme_->back})
       for (Stage& stage : *list) stage.kernel.set(h_argument, static_cast<float>(stage.h * step_s));
   }
 
   void run_step(double step_s, double time_s) override {
+    if (parameters_in_use_.integrator == Integrator::implicit_euler) {
+      implicit_->run_step(step_s, time_s, kernels_of(*scheme_), [this](ImplicitLatticeStep::Pass pass) {
+        for (std::size_t slab = 0; slab < schedule_.slabs.size(); ++slab) launch(scheme_->stages[pass], slab);
+      });
+      return;
+    }
     auto& stages = is_beside_ ? scheme_->back : scheme_->stages;
     if (parameters_in_use_.beat_amplitude != 0.0)
       for (Stage& stage : stages)
@@ -255,8 +269,11 @@ class LatticeSolver final : public DeviceSolver {
   void end_steps() override { publish(); }
 
   void move_points(const PointList& points, const Float4& velocity_mm_per_s, float h_s) override {
+    const Eigen::Vector3d velocity = from_lps(Eigen::Vector3d(static_cast<double>(velocity_mm_per_s[0]),
+                                                              static_cast<double>(velocity_mm_per_s[1]),
+                                                              static_cast<double>(velocity_mm_per_s[2])));
     grab_.set_all(state_buffer(), points.places, points.selectances, static_cast<std::uint32_t>(points.count),
-                  velocity_mm_per_s, h_s);
+                  float4(velocity), h_s);
     grab_.run(points.count);
   }
   std::uint32_t place_of(std::uint32_t point) const override { return layout_.lane_of_point[point]; }
@@ -273,8 +290,9 @@ class LatticeSolver final : public DeviceSolver {
       const auto* values = static_cast<const float*>(data);
       for (std::size_t n = 0; n < point_count(); ++n) {
         const std::size_t at = component(layout_.lane_of_point[n], 3);
-        state.velocities_mm_per_s[n] = {values[at], values[at + layout_.lanes],
-                                        values[at + 2 * layout_.lanes]};
+        const Eigen::Vector3f velocity(values[at], values[at + layout_.lanes],
+                                       values[at + 2 * layout_.lanes]);
+        state.velocities_mm_per_s[n] = (layout_.to_lps * velocity.cast<double>()).cast<float>();
       }
     });
   }
@@ -284,11 +302,11 @@ class LatticeSolver final : public DeviceSolver {
     in_parallel(point_count(), 65536, [&](std::size_t begin, std::size_t end) {
       for (std::size_t n = begin; n < end; ++n) {
         const std::uint32_t lane = layout_.lane_of_point[n];
-        const Eigen::Vector3f place =
-            (state.positions_mm[n].cast<double>() - layout_.site_mm(lane).cast<double>()).cast<float>();
+        const Eigen::Vector3d place = from_lps(state.positions_mm[n].cast<double>() - layout_.site_mm(lane));
+        const Eigen::Vector3d velocity = from_lps(state.velocities_mm_per_s[n].cast<double>());
         for (Eigen::Index axis = 0; axis < 3; ++axis) {
-          lanes[component(lane, static_cast<std::size_t>(axis))] = place[axis];
-          lanes[component(lane, static_cast<std::size_t>(axis) + 3)] = state.velocities_mm_per_s[n][axis];
+          lanes[component(lane, static_cast<std::size_t>(axis))] = static_cast<float>(place[axis]);
+          lanes[component(lane, static_cast<std::size_t>(axis) + 3)] = static_cast<float>(velocity[axis]);
         }
       }
     });
@@ -318,6 +336,7 @@ class LatticeSolver final : public DeviceSolver {
   std::size_t component(std::uint32_t lane, std::size_t n) const {
     return (std::size_t{lane / layout_.lanes} * 6 + n) * layout_.lanes + lane % layout_.lanes;
   }
+  Eigen::Vector3d from_lps(const Eigen::Vector3d& v) const { return layout_.to_lps.transpose() * v; }
   Buffer& state_buffer() { return is_beside_ ? s2_ : y_; }
   const Buffer& state_buffer() const { return is_beside_ ? s2_ : y_; }
 
@@ -332,7 +351,10 @@ class LatticeSolver final : public DeviceSolver {
     waiting_ = zeros((layout_.segments + 2 + schedule_.most_chunks) * 3 * layout_.lanes * sizeof(float));
     rest_ = buffer_of(device(), layout_.rest);
     rows_ = buffer_of(device(), layout_.rows);
-    origins_ = buffer_of(device(), layout_.origins_mm);
+    std::vector<Float4> origins;
+    for (std::uint32_t segment = 0; segment < layout_.segments + 2; ++segment)
+      origins.push_back(float4(layout_.site_mm(segment * layout_.lanes)));
+    origins_ = buffer_of(device(), origins);
     entries_ = buffer_of(device(), schedule_.entries);
     chunks_ = buffer_of(device(), schedule_.chunks);
     overflow_begins_ = buffer_of(device(), layout_.overflow_begins);
@@ -347,8 +369,8 @@ class LatticeSolver final : public DeviceSolver {
       const std::uint32_t lane = layout_.lane_of_point[point];
       if (!factors.empty()) factors[lane] = material().factors[point];
       const bool is_scaled = material().is_scaled() && material().scales_mass;
-      weight_of_sites_ += (is_scaled ? static_cast<double>(material().factors[point]) : 1.0) *
-                          layout_.site_mm(lane).cast<double>();
+      weight_of_sites_ +=
+          (is_scaled ? static_cast<double>(material().factors[point]) : 1.0) * layout_.site_mm(lane);
     }
     if (!factors.empty()) factors_ = buffer_of(device(), factors);
   }
@@ -364,9 +386,11 @@ class LatticeSolver final : public DeviceSolver {
     link_health_ = library_.build("lattice_health.cl", "link_health", health_defines);
     publish_.set(1, lane_of_point_);
     publish_.set(2, origins_);
-    publish_.set(3, float4(layout_.steps_mm[0].cast<double>()));
-    publish_.set(4, published_);
-    publish_.set(5, static_cast<std::uint32_t>(point_count()));
+    publish_.set(3, published_);
+    publish_.set(4, static_cast<std::uint32_t>(point_count()));
+    publish_.set(5, float4(layout_.to_lps * layout_.steps_mm[0]));
+    for (unsigned axis = 0; axis < 3; ++axis)
+      publish_.set(6 + axis, float4(layout_.to_lps.col(static_cast<Eigen::Index>(axis))));
   }
 
   void publish() {
@@ -377,12 +401,14 @@ class LatticeSolver final : public DeviceSolver {
   std::string slots_define() const { return "SLOTS=" + std::to_string(layout_.slots.used) + "u"; }
 
   Stage stage_of(Mode mode, double h, double at, const Buffer& source, const Buffer& base,
-                 const Buffer& target) {
+                 const Buffer& target, const std::string& define = {}) {
     std::vector<std::string> defines = scaling_defines_of(material());
+    if (!define.empty()) defines.push_back(define);
     defines.push_back("LANES=" + std::to_string(layout_.lanes));
     defines.push_back(slots_define());
     defines.emplace_back("-cl-fast-relaxed-math");
     if (is_undamped_) defines.emplace_back("UNDAMPED");
+    if (layout_.is_sheared) defines.emplace_back("SHEARED");
     Stage stage{library_.build("lattice.cl", "sweep", defines), h, at};
     Kernel& kernel = stage.kernel;
     const bool ends_rk4 = mode == Mode::finish_rk4;
@@ -393,7 +419,7 @@ class LatticeSolver final : public DeviceSolver {
     kernel.set(all_free_argument, free_flag());
     kernel.set(mode_argument, static_cast<std::uint32_t>(mode));
     for (unsigned axis = 0; axis < 3; ++axis)
-      kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis].cast<double>()));
+      kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis]));
     return stage;
   }
 
@@ -429,9 +455,43 @@ class LatticeSolver final : public DeviceSolver {
         scheme.stages.push_back(stage_of(Mode::finish_rk4, 1.0 / 6.0, 1.0, s4_, y_, y_));
         break;
       case Integrator::implicit_euler:
-        core::throw_usage("The integrator implicit-euler needs explicit links; choose that layout, or auto.");
+        add_implicit_passes(scheme);
+        break;
     }
     return scheme;
+  }
+
+  void add_implicit_passes(Scheme& scheme) {
+    need(s3_);
+    need(s4_);
+    is_undamped_ = false;  // what a sweep reads beside the places is no velocity there
+    if (!implicit_)
+      implicit_ = std::make_unique<ImplicitLatticeStep>(
+          library_,
+          ImplicitLatticeStep::Lattice{layout_.lanes, layout_.segments + 2,
+                                       static_cast<double>(layout_.rest_quantum_mm),
+                                       static_cast<double>(layout_.rest_offset_mm)},
+          ImplicitLatticeStep::Arguments{h_argument, stiffness_argument, rest_scale_argument,
+                                         rest_offset_argument, damping_argument, length_scale_argument,
+                                         drag_argument, gravity_argument},
+          implicit_spread(tissue(), material()));
+    using Pass = ImplicitLatticeStep::Pass;
+    for (std::size_t n = 0; n < ImplicitLatticeStep::pass_count; ++n) {
+      const auto pass = static_cast<Pass>(n);
+      const bool iterates = pass == Pass::iterate || pass == Pass::iterate_back;
+      const Buffer& source = pass == Pass::iterate ? s2_ : pass == Pass::iterate_back ? s3_ : y_;
+      Stage stage = stage_of(Mode::from_source, 1.0, 1.0, source, y_, pass == Pass::iterate ? s3_ : s2_,
+                             ImplicitLatticeStep::define_of(pass));
+      stage.kernel.set(second_argument, s4_);
+      stage.kernel.set(third_argument, iterates ? implicit_->largest() : s3_);
+      scheme.stages.push_back(std::move(stage));
+    }
+  }
+
+  static ImplicitLatticeStep::Kernels kernels_of(Scheme& scheme) {
+    ImplicitLatticeStep::Kernels kernels;
+    for (Stage& stage : scheme.stages) kernels.push_back(&stage.kernel);
+    return kernels;
   }
 
   Scheme& scheme_of(const Parameters& p) {
@@ -464,7 +524,7 @@ class LatticeSolver final : public DeviceSolver {
         kernel.set(stiffness_argument, static_cast<float>(p.stiffness_per_s2));
         kernel.set(damping_argument, static_cast<float>(p.damping_per_s / 4.0));
         kernel.set(drag_argument, static_cast<float>(p.drag_per_s));
-        kernel.set(gravity_argument, float4(p.gravity_mm_per_s2));
+        kernel.set(gravity_argument, float4(from_lps(p.gravity_mm_per_s2)));
         kernel.set(over_mass_argument, static_cast<float>(1.0 / p.mass));
         kernel.set(all_free_argument, free_flag());
         set_beat(stage, 1.0);
@@ -541,6 +601,7 @@ class LatticeSolver final : public DeviceSolver {
   Buffer link_sums_;
   std::map<std::pair<Integrator, bool>, Scheme> schemes_;  ///< with or without damping
   Scheme* scheme_ = nullptr;
+  std::unique_ptr<ImplicitLatticeStep> implicit_;  ///< made when it is first asked for
   bool is_undamped_ = false;
   Eigen::Vector3d weight_of_sites_ = Eigen::Vector3d::Zero();  ///< sum of mass factor and site
   Parameters parameters_in_use_;
