@@ -2,6 +2,7 @@
 
 #include "device_solver.hpp"
 #include "implicit_lattice.hpp"
+#include "lattice_arguments.hpp"
 #include "lattice_layout.hpp"
 #include "lattice_threads.hpp"
 
@@ -45,39 +46,6 @@ enum class Mode : std::uint32_t {
   symplectic = 3,
   drift = 4,
   finish_verlet = 5
-};
-
-/// The sweep's arguments, by their place.
-enum Argument : unsigned {
-  source_argument,
-  base_argument,
-  second_argument,
-  third_argument,
-  target_argument,
-  waiting_argument,
-  rest_argument,
-  rows_argument,
-  entries_argument,
-  chunks_argument,
-  overflow_begins_argument,
-  overflow_argument,
-  freedom_argument,
-  factors_argument,
-  first_chunk_argument,
-  chunk_count_argument,
-  first_trash_argument,
-  all_free_argument,
-  mode_argument,
-  h_argument,
-  stiffness_argument,
-  rest_scale_argument,
-  rest_offset_argument,
-  damping_argument,
-  length_scale_argument,
-  drag_argument,
-  gravity_argument,
-  over_mass_argument,
-  step_x_argument
 };
 
 /// The part of an array that was changed.

@@ -1,0 +1,90 @@
+#include "lattice_flags.hpp"
+#include "lattice_layout.hpp"
+
+#include <algorithm>
+
+namespace palpate::simulation {
+
+namespace {
+
+std::size_t index_of(int value) noexcept { return static_cast<std::size_t>(value); }
+
+/// The bands of rows of one slab: chunk by chunk the segments, with those of
+/// the rows beside whose forces reach into the band.
+void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t chunks_in_slab,
+              LatticeSchedule& schedule) {
+  const int rows_in_plane = layout.size[1];
+  const auto row_range = [&](int y, int z) {
+    const std::size_t row = index_of(z) * index_of(rows_in_plane) + index_of(y);
+    return std::pair(layout.row_begins[row], layout.row_begins[row + 1]);
+  };
+  std::vector<std::size_t> before(index_of(rows_in_plane) + 1, 0);
+  for (int y = 0; y < rows_in_plane; ++y) {
+    std::size_t count = 0;
+    for (int z = z_begin; z < z_end; ++z) count += row_range(y, z).second - row_range(y, z).first;
+    before[index_of(y) + 1] = before[index_of(y)] + count;
+  }
+  const std::size_t total = before.back();
+  if (total == 0) return;
+  LatticeSchedule::Slab slab{static_cast<std::uint32_t>(schedule.chunks.size() - 1), 0};
+  int y_begin = 0;
+  for (std::size_t chunk = 0; chunk < chunks_in_slab; ++chunk) {
+    const std::size_t aim = total * (chunk + 1) / chunks_in_slab;
+    int y_end = y_begin;
+    // The boundary nearest to the even share.
+    while (y_end < rows_in_plane && before[index_of(y_end)] < aim &&
+           (y_end == y_begin || 2 * aim > before[index_of(y_end)] + before[index_of(y_end) + 1]))
+      ++y_end;
+    if (chunk + 1 == chunks_in_slab) y_end = rows_in_plane;
+    if (y_end == y_begin) continue;
+    for (int z = z_begin; z < z_end; ++z)
+      for (int y = std::max(0, y_begin - 1); y < std::min(rows_in_plane, y_end + 1); ++y) {
+        // Row 0 and 2 lie a row on, row 3 a row back.
+        const std::array<int, 4> reached{y + 1, y, y + 1, y - 1};
+        std::uint32_t writes = 0;
+        std::uint32_t reads = 0;
+        for (std::size_t n = 0; n < 4; ++n)
+          if (reached[n] >= y_begin && reached[n] < y_end) {
+            writes |= writes_flag(n);
+            reads |= row_flag(n);
+          }
+        const bool is_own = y >= y_begin && y < y_end;
+        const std::uint32_t kept = is_own ? ~0U : reads | writes;
+        const auto [first, last] = row_range(y, z);
+        for (std::uint32_t segment = first; segment < last; ++segment) {
+          const std::uint32_t flags = (layout.groups[segment] | writes | (is_own ? own_flag : 0U)) & kept;
+          if (is_own || (flags & reads) != 0) schedule.entries.push_back({segment, flags});
+        }
+      }
+    schedule.entries.push_back({schedule.entries.back()[0], 0});  // completes the last one
+    schedule.chunks.push_back(static_cast<std::uint32_t>(schedule.entries.size()));
+    ++slab.chunks;
+    y_begin = y_end;
+  }
+  schedule.most_chunks = std::max(schedule.most_chunks, slab.chunks);
+  schedule.slabs.push_back(slab);
+}
+
+}  // namespace
+
+LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
+                            std::size_t chunks_in_slab) {
+  LatticeSchedule schedule;
+  schedule.chunks.push_back(0);
+  const int planes = layout.size[2];
+  const std::size_t rows_in_plane = index_of(layout.size[1]);
+  const std::size_t slabs = std::max<std::size_t>(
+      1, (layout.segments + segments_in_slab / 2) / std::max<std::size_t>(1, segments_in_slab));
+  int begin = 0;
+  for (std::size_t slab = 0; slab < slabs && begin < planes; ++slab) {
+    const std::size_t aim = layout.segments * (slab + 1) / slabs;
+    int end = begin + 1;
+    while (end < planes && layout.row_begins[index_of(end) * rows_in_plane] - 1 < aim) ++end;
+    if (slab + 1 == slabs) end = planes;
+    add_slab(layout, begin, end, chunks_in_slab, schedule);
+    begin = end;
+  }
+  return schedule;
+}
+
+}  // namespace palpate::simulation
