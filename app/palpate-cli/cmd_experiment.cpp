@@ -105,8 +105,8 @@ vis::Chart chart_of(const evaluation::Plot& plot) {
   return chart;
 }
 
-constexpr int shape_width_px = 960;
-constexpr int shape_height_px = 480;
+constexpr int shape_width_px = 800;
+constexpr int shape_height_px = 400;
 
 /// From the front and a little above, without perspective, so that both halves
 /// of a picture are seen alike; all of it fits.
@@ -147,8 +147,12 @@ core::Picture picture_of(const evaluation::Shape& shape, const core::Progress& p
   settings.annotations = false;
   settings.background = {1.0F, 1.0F, 1.0F};
   settings.use_gradient = false;
-  return vis::draw_picture(content, settings, {shape_width_px, shape_height_px, vis::PictureView::three_d},
-                           progress);
+  const vis::PictureRequest request{shape_width_px, shape_height_px, vis::PictureView::three_d};
+  auto picture = vis::draw_picture(content, settings, request, progress);
+  // Sixteen levels of light are seen as smooth on a ball of a few pixels, and
+  // pack into half the bytes.
+  for (auto& channel : picture.rgba) channel = static_cast<std::uint8_t>((channel + 8) / 17 * 17);
+  return picture;
 }
 
 /// All files of a result or none: they are made aside and then renamed.
