@@ -16,6 +16,7 @@
 #include <QSignalSpy>
 #include <QSlider>
 #include <QSpinBox>
+#include <QWheelEvent>
 
 #include <cmath>
 
@@ -389,6 +390,26 @@ TEST_F(Engine, TheStiffnessTakesAnyPowerOfTen) {
   find<QSlider>("stiffnessSlider").setValue(400);
   EXPECT_EQ(settings().parameters.stiffness_per_s2, 1e4);
   EXPECT_EQ(field.value(), 1e4);
+}
+
+TEST_F(Engine, TheWheelScrollsThePanelAndChangesNothing) {
+  build_tissue();
+  const auto turn = [](QWidget& field) {
+    const QPointF place = field.rect().center();
+    QWheelEvent event(place, field.mapToGlobal(place.toPoint()), {}, {0, -120}, Qt::NoButton, Qt::NoModifier,
+                      Qt::NoScrollPhase, false);
+    QApplication::sendEvent(&field, &event);
+  };
+  auto& field = find<QDoubleSpinBox>("stiffnessSpin");
+  field.clearFocus();
+  turn(field);
+  turn(find<QSlider>("stiffnessSlider"));
+  turn(find<QComboBox>("anchorCombo"));
+  EXPECT_EQ(settings().parameters.stiffness_per_s2, 10000.0);
+  EXPECT_EQ(settings().anchors.rule, Rule::none);
+  field.setFocus();
+  turn(field);
+  EXPECT_EQ(settings().parameters.stiffness_per_s2, 5000.0) << "one that was chosen takes it";
 }
 
 TEST_F(Engine, EveryControlIsReachedByTheKeyboard) {

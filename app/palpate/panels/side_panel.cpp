@@ -6,6 +6,7 @@
 #include <QAbstractSpinBox>
 #include <QComboBox>
 #include <QPainter>
+#include <QSlider>
 #include <QStyle>
 #include <QVBoxLayout>
 
@@ -112,12 +113,27 @@ void SidePanel::add_step(const QString& id, const QString& title, QWidget* body)
     if (qobject_cast<QAbstractSpinBox*>(field) != nullptr || qobject_cast<QComboBox*>(field) != nullptr) {
       field->setMinimumWidth(64);
       field->setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
+    } else if (qobject_cast<QSlider*>(field) == nullptr) {
+      continue;
     }
+    field->setFocusPolicy(Qt::StrongFocus);
+    field->installEventFilter(this);
   }
   body->hide();
   headers_.append(header);
   bodies_.append(body);
   connect(header, &QAbstractButton::clicked, this, [this, step] { open_step(open_ == step ? -1 : step); });
+}
+
+// The wheel scrolls the panel: a field that happens to lie under the pointer
+// takes it only once it was chosen.
+bool SidePanel::eventFilter(QObject* watched, QEvent* event) {
+  auto* field = qobject_cast<QWidget*>(watched);
+  if (event->type() == QEvent::Wheel && field != nullptr && !field->hasFocus()) {
+    event->ignore();
+    return true;
+  }
+  return QScrollArea::eventFilter(watched, event);
 }
 
 void SidePanel::open_step(int step) {

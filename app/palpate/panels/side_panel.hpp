@@ -40,6 +40,9 @@ class SidePanel : public QScrollArea {
   int open_step() const { return open_; }
   StepHeader& header(int step) const { return *headers_[step]; }
 
+ protected:
+  bool eventFilter(QObject* watched, QEvent* event) override;
+
  private:
   QWidget* contents_;
   QVector<StepHeader*> headers_;
