@@ -140,11 +140,12 @@ Guard::Loss Guard::look_at_links() {
   steps_since_look_ = 0;
   const LinkHealth links = solver_.link_health();
   const double energy = links.kinetic + links.potential;
-  const double tenth = 0.1 * links.kinetic;
   const bool is_strained = static_cast<double>(links.max_strain_rate_per_s) * step_s_ > strained;
-  if (!is_strained || energy < strained_energy_ - tenth) strained_looks_ = 0;
+  if (!is_strained) strained_looks_ = 0;
   if (is_strained && strained_looks_++ == 0) strained_energy_ = energy;
-  if (strained_looks_ >= strained_looks_are_lost) return Loss::strain;
+  // A pull without damping goes on so for long, but its energy does not grow.
+  if (strained_looks_ >= strained_looks_are_lost && energy - strained_energy_ > risen * links.kinetic)
+    return Loss::strain;
   if (!least_energy_) return Loss::none;  // something acts from outside
   const double rise = energy - *least_energy_;
   const double floor = energy_floor();

@@ -381,3 +381,24 @@ TEST(Guard, LooksAtLinksEveryFortyEvaluationsOfTheForces) {
   EXPECT_GE(solver.looks, 30);
   EXPECT_LE(solver.looks, 41);
 }
+
+TEST(Guard, LinksThatKeepChangingByHalfWhileEnergyGrowsAreLostWhateverActs) {
+  Fragile solver(10.0);
+  Guard guard(solver, 1.0);
+  solver.energy = 1.0;
+  solver.strain_rate_per_s = 0.7F;
+  const auto batches = [&](int count) {
+    for (int batch = 0; batch < count; ++batch) {
+      guard.disturbed();  // as a drag does
+      guard.advance(10);
+    }
+  };
+  batches(10);
+  EXPECT_EQ(guard.recoveries(), 0) << "fast, but nothing grows";
+  solver.on_step = [&](int) {
+    if (guard.step_s() > 0.6) solver.energy *= 1.2;
+  };
+  batches(10);
+  EXPECT_EQ(guard.recoveries(), 1);
+  EXPECT_EQ(guard.step_s(), 0.5);
+}

@@ -33,8 +33,8 @@ struct GuardReport {
 /// box nor dies. So every ten steps or so it looks at the links too, and what it sees
 /// there restores the snapshot in the same way: energy that stays above what it was,
 /// by half of the kinetic energy, while nothing acts from outside; or a free link
-/// that changes its length by more than half in one step, and goes on doing so
-/// while the energy does not fall. (A released pull does that too, but dies away.)
+/// that changes its length by more than half in one step, and goes on doing so while
+/// the energy grows, whatever acts. (A released pull does that too, but gains nothing.)
 /// Should smaller steps see the same at the same time, it was no fault of the
 /// step, and the run goes on with the step it had.
 class Guard {
