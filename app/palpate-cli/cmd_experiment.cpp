@@ -105,8 +105,8 @@ vis::Chart chart_of(const evaluation::Plot& plot) {
   return chart;
 }
 
-constexpr int shape_width_px = 800;
-constexpr int shape_height_px = 400;
+constexpr int shape_width_px = 720;
+constexpr int shape_height_px = 360;
 
 /// From the front and a little above, without perspective, so that both halves
 /// of a picture are seen alike; all of it fits.

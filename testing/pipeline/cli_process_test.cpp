@@ -101,6 +101,21 @@ TEST(CliProcess, CtrlCStopsALongRunAndLeavesNothing) {
   EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
+TEST(CliProcess, CtrlCStopsAnExperimentAndLeavesNothing) {
+  const TemporaryFolder folder;
+  const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  Running run({"experiment", "stability-stiffness", "--device", "reference", "--progress", "-o",
+               (folder / "figures").string()},
+              nothing);
+  close(nothing);
+  ASSERT_TRUE(run.said("explodes")) << run.error_text();
+  run.interrupt();
+  const int status = run.end();
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 130) << run.error_text();
+  EXPECT_TRUE(fs::is_empty(folder.path())) << "the folder that was made goes too";
+}
+
 TEST(CliProcess, CtrlCStopsReadingAndNoReaderIsLeft) {
   const TemporaryFolder folder;
   const fs::path pipe = folder / "pipe";

@@ -170,7 +170,7 @@ Result time_by_links(const Setup& setup, const core::Progress& progress) {
   result.name = "time-by-links";
   const int side = setup.quick ? 10 : 30;
   std::vector<int> links;
-  for (int n = setup.quick ? 6 : 2; n <= (setup.quick ? 18 : 32); n += setup.quick ? 6 : 2)
+  for (int n = setup.quick ? 6 : 2; n <= (setup.quick ? 12 : 32); n += setup.quick ? 6 : 2)
     links.push_back(n);
   Table table{result.name, {{"links asked for", "", {}}, {"links a point", "", {}}}};
   for (const Way way : ways) table.columns.push_back({name_of(way), "s", {}});
