@@ -225,7 +225,7 @@ Result stability_links(const Setup& setup, const core::Progress& progress) {
   result.plots.push_back({result.name,
                           "Links at which the run explodes, k = 10 000",
                           {"Time step (s)", false, {}},
-                          {"Largest number of links per point, n", false, {}},
+                          {"Nearest points asked for, n", false, {}},
                           {{"measured", steps, measured.values, true, true, false, 0},
                            {"predicted, converged", steps, converged.values, true, false, true, 1},
                            {"predicted, per-point bound", steps, bound.values, true, false, false, 2}}});
