@@ -2,6 +2,7 @@
 // precision and against RK4.
 #include "device_test.hpp"
 
+#include "palpate/model/generate.hpp"
 #include "palpate/simulation/solver.hpp"
 #include "palpate/testing/cube_tissue.hpp"
 #include "palpate/testing/support.hpp"
@@ -173,6 +174,19 @@ TEST_F(ImplicitDevice, TakesLinksThatLeaveTheStencilAlong) {
     EXPECT_LT(largest_distance(solver->state(), reference->state()), tolerance_of(*solver))
         << solver->layout();
   }
+}
+
+TEST_F(ImplicitDevice, GoesThroughLargeTissueInParts) {
+  // More than the lattice takes through the caches at once: passes follow one another by slabs.
+  auto tissue = std::make_shared<palpate::model::Tissue>(testing_::cube_points(33, 0.1));
+  tissue->links = palpate::model::link_nearest(tissue->points, Eigen::Vector3d::Ones(), 12);
+  State states[2];
+  for (std::size_t n = 0; n < 2; ++n) {
+    const auto solver = solver_of(tissue, stiff(), both_layouts[n], anchored(33));
+    solver->step(10, 0.006);
+    states[n] = solver->state();
+  }
+  EXPECT_LT(largest_distance(states[0], states[1]), lattice_tolerance_mm);
 }
 
 TEST_F(ImplicitDevice, ComesToTheRestOfRk4) {

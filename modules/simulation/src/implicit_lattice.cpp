@@ -1,5 +1,6 @@
 #include "implicit_lattice.hpp"
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 
@@ -8,6 +9,18 @@ namespace palpate::simulation {
 namespace {
 
 constexpr std::uint32_t parts = 256;  // of the search for the largest bound
+constexpr std::size_t together = 4;   // iterations that go through the slabs one behind the other
+
+/// Passes over the slabs, each a slab behind the one before it, while the slab
+/// is in the caches: what waits for the next slab's first plane is not in the
+/// way of another pass, and what an iteration writes over is behind all that
+/// the one before it still reads.
+template <typename Launch>
+void staggered(std::size_t passes, std::size_t slabs, const Launch& launch) {
+  for (std::size_t turn = 0; turn + 1 < slabs + passes; ++turn)
+    for (std::size_t n = 0; n < passes; ++n)
+      if (turn >= n && turn - n < slabs) launch(n, turn - n);
+}
 
 }  // namespace
 
@@ -63,21 +76,28 @@ void ImplicitLatticeStep::set_rest_scale(double scale, const Kernels& passes) co
   }
 }
 
-void ImplicitLatticeStep::run_step(double step_s, double time_s, const Kernels& passes, const Run& run) {
+void ImplicitLatticeStep::run_iteration(std::size_t n, std::size_t slab, const Kernels& passes,
+                                        const Run& run) const {
+  const Pass pass = n % 2 == 1 ? iterate : iterate_back;
+  const auto& [momentum, rate] = plan_.iterations[n];
+  const auto first_rate = static_cast<float>(plan_.iterations[0].rate);
+  // Until they are written once, the first correction is scaled as it is read.
+  passes[pass]->set(arguments_.gravity,
+                    std::array<float, 4>{static_cast<float>(momentum), static_cast<float>(rate),
+                                         n == 1 ? first_rate : 0.0F, n == 2 ? first_rate : 0.0F});
+  run(pass, slab);
+}
+
+void ImplicitLatticeStep::run_step(double step_s, double time_s, const Kernels& passes, std::size_t slabs,
+                                   const Run& run) {
   if (parameters_.beat_amplitude != 0.0) set_rest_scale(rest_scale_at(parameters_, time_s + step_s), passes);
-  for (const Pass pass : {load, diagonal, bound}) run(pass);
+  staggered(3, slabs, [&](std::size_t n, std::size_t slab) { run(static_cast<Pass>(load + n), slab); });
   largest_of_parts_.run(parts, 1);
   largest_of_all_.run(1, 1);
-  const auto first_rate = static_cast<float>(plan_.iterations[0].rate);
-  for (std::size_t n = 1; n < plan_.iterations.size(); ++n) {
-    const Pass pass = n % 2 == 1 ? iterate : iterate_back;
-    const auto& [momentum, rate] = plan_.iterations[n];
-    // Until they are written once, the first correction is scaled as it is read.
-    passes[pass]->set(arguments_.gravity,
-                      std::array<float, 4>{static_cast<float>(momentum), static_cast<float>(rate),
-                                           n == 1 ? first_rate : 0.0F, n == 2 ? first_rate : 0.0F});
-    run(pass);
-  }
+  const std::size_t count = plan_.iterations.size();
+  for (std::size_t first = 1; first < count; first += together)
+    staggered(std::min(together, count - first), slabs,
+              [&](std::size_t n, std::size_t slab) { run_iteration(first + n, slab, passes, run); });
   advance_.run(lattice_.segments);
 }
 

@@ -30,8 +30,8 @@ class ImplicitLatticeStep {
     double rest_quantum_mm = 0.0;
     double rest_offset_mm = 0.0;
   };
-  using Kernels = std::vector<compute::Kernel*>;  ///< of the passes
-  using Run = std::function<void(Pass)>;          ///< launches all of a pass
+  using Kernels = std::vector<compute::Kernel*>;       ///< of the passes
+  using Run = std::function<void(Pass, std::size_t)>;  ///< launches a slab of a pass
 
   ImplicitLatticeStep(compute::KernelLibrary& library, const Lattice& lattice, const Arguments& arguments,
                       const ImplicitSpread& spread);
@@ -43,9 +43,10 @@ class ImplicitLatticeStep {
   void begin_steps(const Parameters& parameters, const std::array<float, 4>& gravity, double step_s,
                    const Kernels& passes, const compute::Buffer& state, const compute::Buffer& freedom,
                    const compute::Buffer& loads, const std::array<const compute::Buffer*, 2>& corrections);
-  void run_step(double step_s, double time_s, const Kernels& passes, const Run& run);
+  void run_step(double step_s, double time_s, const Kernels& passes, std::size_t slabs, const Run& run);
 
  private:
+  void run_iteration(std::size_t n, std::size_t slab, const Kernels& passes, const Run& run) const;
   void set_rest_scale(double scale, const Kernels& passes) const;
 
   Lattice lattice_;

@@ -217,9 +217,10 @@ class LatticeSolver final : public DeviceSolver {
 
   void run_step(double step_s, double time_s) override {
     if (parameters_in_use_.integrator == Integrator::implicit_euler) {
-      implicit_->run_step(step_s, time_s, kernels_of(*scheme_), [this](ImplicitLatticeStep::Pass pass) {
-        for (std::size_t slab = 0; slab < schedule_.slabs.size(); ++slab) launch(scheme_->stages[pass], slab);
-      });
+      implicit_->run_step(step_s, time_s, kernels_of(*scheme_), schedule_.slabs.size(),
+                          [this](ImplicitLatticeStep::Pass pass, std::size_t slab) {
+                            launch(scheme_->stages[pass], slab);
+                          });
       return;
     }
     auto& stages = is_beside_ ? scheme_->back : scheme_->stages;
