@@ -72,7 +72,7 @@ struct PointBounds {
   std::size_t damping_point = 0;
   double slope_low = 0.0, slope_high = 0.0;  ///< c/k of the links
   double drag_low = 0.0, drag_high = 0.0;    ///< of the points, per mass
-  std::vector<float> by_point;               ///< each point's own bound of omega^2
+  std::vector<float> by_point;               ///< about each point's own bound of omega^2
 };
 PointBounds point_bounds(const StabilityField& field, const Slices& slices);
 

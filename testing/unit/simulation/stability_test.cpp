@@ -58,11 +58,11 @@ TEST(StableStep, IsExactOnLattices) {
     auto tissue = testing_::cube_points(5);
     testing_::link_lattice(tissue, axes);
     const auto bound = simulation::stable_step(tissue, undamped());
-    // Rest lengths are floats (6e-8 of them), and the closed form is good to
+    // Sums of links are floats and rounded up by 4e-6; the closed form is good to
     // 1e-8 where the two largest eigenvalues coincide.
-    EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s / 10000.0, expected, 1e-7 * expected) << axes;
+    EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s / 10000.0, expected, 1e-5 * expected) << axes;
     // RK4 on the imaginary axis: |R(iy)| <= 1 up to y = 2 sqrt 2, found by halving to 1e-9.
-    EXPECT_NEAR(bound.step_s, std::sqrt(8.0 / (expected * 10000.0)), 2e-7 * bound.step_s);
+    EXPECT_NEAR(bound.step_s, std::sqrt(8.0 / (expected * 10000.0)), 1e-5 * bound.step_s);
     if (axes > 1) {
       for (const int voxel : tissue.points.voxels[bound.worst_point]) {
         EXPECT_GT(voxel, 0);
@@ -79,12 +79,12 @@ TEST(StableStep, StretchingStiffens) {
   auto stretched = tissue.points.positions_mm;
   for (auto& x : stretched) x *= 2.0F;
   const auto bound = simulation::stable_step(tissue, undamped(), {&stretched});
-  EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s, 2.0 * 4.0 * 10000.0, 1e-6);
+  EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s, 2.0 * 4.0 * 10000.0, 1e-5 * 8.0e4);
   // Compressed links do not stiffen, and the direction is the same.
   for (auto& x : stretched) x /= 4.0F;
   const auto compressed = simulation::stable_step(tissue, undamped(), {&stretched});
   EXPECT_NEAR(compressed.omega_per_s * compressed.omega_per_s, 4.0 * 10000.0,
-              1e-7 * 4.0e4);  // as on lattices
+              1e-5 * 4.0e4);  // as on lattices
 }
 
 TEST(StableStep, IsSafeAndNearTheTrueLimitOnRandomModels) {
@@ -146,7 +146,7 @@ TEST(StableStep, ManyThreadsFindWhatOneFinds) {
   testing_::set_links(tissue, pairs);
   const auto bound = simulation::stable_step(tissue, undamped());
   EXPECT_EQ(bound.worst_point, odd_one);
-  EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s, 2.0 * 3.0 * 10000.0, 1e-6);
+  EXPECT_NEAR(bound.omega_per_s * bound.omega_per_s, 2.0 * 3.0 * 10000.0, 1e-5 * 6.0e4);
 }
 
 TEST(StableStep, WithNothingStiffThereIsNoLimit) {
