@@ -146,38 +146,46 @@ LinkOperator::LinkOperator(const StabilityField& field, const Slices& slices, Ki
   const bool by_stiffness = kind == Kind::stiffness;
   std::vector<float> across(by_stiffness ? pairs_.size() : 0, 0.0F);
   std::array<bool, Slices::count> stretched{};
+  const double per_mass = field.equal_masses() && points_ > 0 ? 1.0 / field.mass(0) : 1.0;
   slices.run([&](std::size_t slice) {
     for (std::size_t n = slices.links_begin(slice); n < slices.links_end(slice); ++n) {
       const auto link = field.link(n);
       // k n n^T + across (I - n n^T) = (k - across) n n^T + across I
-      const double acts = by_stiffness ? link.stiffness - link.across : link.damping;
+      const double acts = (by_stiffness ? link.stiffness - link.across : link.damping) * per_mass;
       along_[n] = (std::sqrt(acts) * link.direction).cast<float>();
-      if (by_stiffness) across[n] = static_cast<float>(link.across);
+      if (by_stiffness) across[n] = static_cast<float>(link.across * per_mass);
       stretched[slice] = stretched[slice] || link.across > 1e-5 * link.stiffness;
       if (pairs_[n][1] >= slices.end(slice)) crossing_[slice].push_back(static_cast<std::uint32_t>(n));
     }
   });
   if (by_stiffness && std::find(stretched.begin(), stretched.end(), true) != stretched.end())
     across_ = std::move(across);
-  scale_.resize(points_);
+  if (!field.equal_masses()) scale_.resize(points_);
   if (!by_stiffness) diagonal_.resize(points_);
-  for (std::size_t n = 0; n < points_; ++n) {
+  for (std::size_t n = 0; n < scale_.size(); ++n)
     scale_[n] = static_cast<float>(1.0 / std::sqrt(field.mass(n)));
-    if (!by_stiffness) diagonal_[n] = static_cast<float>(field.drag(n));
-  }
+  for (std::size_t n = 0; n < diagonal_.size(); ++n) diagonal_[n] = static_cast<float>(field.drag(n));
 }
 
 /// What the link adds at its first point; its second gets the opposite.
+/// Plain: at rest, and masses are equal.
+template <bool plain>
 inline Eigen::Vector3f LinkOperator::pull_of(std::size_t link, const float* x) const {
   const auto [a, b] = pairs_[link];
-  const Eigen::Vector3f apart =
-      scale_[a] * Eigen::Map<const Eigen::Vector3f>(x + 3 * static_cast<std::size_t>(a)) -
-      scale_[b] * Eigen::Map<const Eigen::Vector3f>(x + 3 * static_cast<std::size_t>(b));
+  const Eigen::Map<const Eigen::Vector3f> first(x + 3 * static_cast<std::size_t>(a));
+  const Eigen::Map<const Eigen::Vector3f> second(x + 3 * static_cast<std::size_t>(b));
   const Eigen::Vector3f& n = along_[link];
-  if (across_.empty()) return n * n.dot(apart);
-  return n * n.dot(apart) + across_[link] * apart;
+  if constexpr (plain) {
+    return n * n.dot(first - second);
+  } else {
+    const Eigen::Vector3f apart = scale_.empty() ? Eigen::Vector3f(first - second)
+                                                 : Eigen::Vector3f(scale_[a] * first - scale_[b] * second);
+    if (across_.empty()) return n * n.dot(apart);
+    return n * n.dot(apart) + across_[link] * apart;
+  }
 }
 
+template <bool plain>
 void LinkOperator::apply_slice(std::size_t slice, const float* x, float* y) const {
   const std::size_t end = slices_.end(slice);
   for (std::size_t point = slices_.begin(slice); point < end; ++point) {
@@ -186,18 +194,25 @@ void LinkOperator::apply_slice(std::size_t slice, const float* x, float* y) cons
   }
   for (std::size_t link = slices_.links_begin(slice); link < slices_.links_end(slice); ++link) {
     const auto [a, b] = pairs_[link];
-    const Eigen::Vector3f pull = pull_of(link, x);
-    Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(a)) += scale_[a] * pull;
-    if (b < end) Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(b)) -= scale_[b] * pull;
+    const Eigen::Vector3f pull = pull_of<plain>(link, x);
+    const bool is_scaled = !plain && !scale_.empty();
+    Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(a)) += (is_scaled ? scale_[a] : 1.0F) * pull;
+    if (b < end)
+      Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(b)) -=
+          (is_scaled ? scale_[b] : 1.0F) * pull;
   }
 }
 
 void LinkOperator::apply(const float* x, float* y) const {
-  slices_.run([&](std::size_t slice) { apply_slice(slice, x, y); });
+  if (across_.empty() && scale_.empty())
+    slices_.run([&](std::size_t slice) { apply_slice<true>(slice, x, y); });
+  else
+    slices_.run([&](std::size_t slice) { apply_slice<false>(slice, x, y); });
   for (const auto& list : crossing_)
     for (const std::uint32_t link : list) {
       const std::uint32_t b = pairs_[link][1];
-      Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(b)) -= scale_[b] * pull_of(link, x);
+      const float scale = scale_.empty() ? 1.0F : scale_[b];
+      Eigen::Map<Eigen::Vector3f>(y + 3 * static_cast<std::size_t>(b)) -= scale * pull_of<false>(link, x);
     }
 }
 

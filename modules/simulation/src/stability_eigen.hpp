@@ -20,8 +20,9 @@ class LinkOperator {
   void apply(const float* x, float* y) const;
 
  private:
+  template <bool plain>
   void apply_slice(std::size_t slice, const float* x, float* y) const;
-  void add_link(std::size_t link, const float* x, float* y, bool to_second_only) const;
+  template <bool plain>
   Eigen::Vector3f pull_of(std::size_t link, const float* x) const;
 
   const Slices& slices_;
@@ -29,7 +30,7 @@ class LinkOperator {
   std::size_t points_;
   std::vector<Eigen::Vector3f> along_;  ///< the direction times the root of what acts along it
   std::vector<float> across_;           ///< empty at rest
-  std::vector<float> scale_;            ///< 1/sqrt(m), one a point
+  std::vector<float> scale_;            ///< 1/sqrt(m), one a point; empty where they are equal
   std::vector<float> diagonal_;         ///< drag, of the damping
   std::array<std::vector<std::uint32_t>, Slices::count> crossing_;
 };
