@@ -178,12 +178,6 @@ session::RunResult run_request(const SimulationOptions& simulation, const Prepar
     else if (!request.steps)
       request.steps = standard_steps;
   }
-  const auto& bound = prepared.tissue.stable_step;
-  if (recipe.simulation.step_s && *recipe.simulation.step_s > bound.step_s)
-    console.warn("step-above-bound", "The step of " + shown(*recipe.simulation.step_s) +
-                                         " s is above the largest one that is surely stable, " +
-                                         shown(bound.step_s) + " s (point " +
-                                         std::to_string(bound.worst_point) + " limits it).");
   auto result = session::run(prepared.tissue, prepared.surface, recipe.simulation, request, progress);
   console.warn(result.warnings);
   if (result.recoveries > 0 && !result.diverged) console.warn("recovered", result.message);
