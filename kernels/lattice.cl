@@ -340,10 +340,14 @@ __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
                     const float stiffness, const float rest_scale, const float rest_offset, const float damping,
                     const float length_scale, const float drag, const float4 gravity, const float over_mass,
                     const float4 step_x, const float4 step_y, const float4 step_z) {
-  if (get_global_id(0) >= chunk_count) return;
-  const uint chunk = first_chunk + get_global_id(0);
+  // The second group does nothing: PoCL gives a core one group more than its
+  // share of what is left, so that one of two cores would get both of two chunks.
+  const uint group = get_global_id(0);
+  const uint own_chunk = group > 1 ? group - 1 : group;
+  if (group == 1 || own_chunk >= chunk_count) return;
+  const uint chunk = first_chunk + own_chunk;
   const uint end = chunks[chunk + 1];
-  const uint trash = first_trash + get_global_id(0);
+  const uint trash = first_trash + own_chunk;
   const Law law = {stiffness, rest_scale, rest_offset, damping, h};
   // Of the segment before: its forces but for those that this one's first lane has on its last.
   Vector pending = zero_vector();
