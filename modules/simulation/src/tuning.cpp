@@ -21,7 +21,8 @@ namespace palpate::simulation {
 namespace {
 
 constexpr std::array<unsigned, 4> all_widths{1, 4, 8, 16};
-constexpr int side = 20;
+// A multiple of every width, so that no width is blamed for rows that end inside a segment.
+constexpr int side = 32;
 constexpr double step_s = 0.001;
 constexpr int rounds = 7;
 constexpr double batch_s = 0.01;
