@@ -176,15 +176,16 @@ TEST(Cli, SimulateHasEveryKeyAndRestStaysAtRest) {
   EXPECT_THAT(keys_of(object), IsSupersetOf(simulate_keys));
   EXPECT_EQ(object.at("steps"), 20);
   EXPECT_EQ(object.at("integrator"), "rk4");
-  EXPECT_TRUE(object.at("layout") == "lattice" || object.at("layout") == "explicit") << object.at("layout");
+  EXPECT_EQ(object.at("layout"), "lattice") << object.at("layout_reason");
   EXPECT_EQ(object.at("substeps"), 1);
   EXPECT_EQ(object.at("anchors"), 0);
   EXPECT_FALSE(object.at("diverged").get<bool>());
   EXPECT_EQ(object.at("recoveries"), 0);
   EXPECT_LE(object.at("step_s"), object.at("stable_step_s"));
   EXPECT_EQ(object.at("recipe_sha256").get<std::string>().size(), 64U);
-  // Rest lengths are those of the rounded positions: a few roundings of 50 mm.
-  EXPECT_LT(object.at("max_displacement_mm").get<double>(), 1e-4);
+  // The lattice keeps rest lengths in 16 bits, some 1e-5 mm from the true ones
+  // each; soft modes gather that some tens of times. A voxel here has 1.2 mm.
+  EXPECT_LT(object.at("max_displacement_mm").get<double>(), 1e-3);
 }
 
 TEST(Cli, AGestureMovesTissueByItsLength) {

@@ -201,7 +201,8 @@ std::string text_of(const std::string& file) {
 /// Puts the text of `#include "name.cl"` lines in their place, each file once.
 std::string resolved(const std::string& file, std::vector<std::string>& done) {
   done.push_back(file);
-  std::istringstream lines(text_of(file));
+  const std::string source = text_of(file);
+  std::istringstream lines(source);
   const std::string mark = "#include \"";
   std::string text;
   for (std::string line; std::getline(lines, line);) {
@@ -212,6 +213,7 @@ std::string resolved(const std::string& file, std::vector<std::string>& done) {
     const std::string name = line.substr(mark.size(), line.find('"', mark.size()) - mark.size());
     if (std::find(done.begin(), done.end(), name) == done.end()) text += resolved(name, done);
   }
+  if (!text.empty() && !source.empty() && source.back() != '\n') text.pop_back();
   return text;
 }
 
