@@ -77,7 +77,9 @@ void Workbench::take_frame() {
   since_frame_.restart();
   const bool other_point = limit_shown_ && frame_ && frame_->worst_point != frame->worst_point;
   frame_ = std::move(frame);
-  if (!ready_) {
+  // The last frame may come after the word that there will be no more.
+  if (stopped_) frame_->playing = false;
+  if (!ready_ && !stopped_) {
     ready_ = true;
     emit simulationReady();
   }
