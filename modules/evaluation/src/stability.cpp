@@ -169,16 +169,11 @@ Result stability_stiffness(const Setup& setup, const core::Progress& progress) {
       {"measured", steps, measured.values, true, true, false, 0},
       {"predicted, converged", steps, converged.values, true, false, true, 1},
       {"predicted, per-point bound", steps, bound.values, true, false, false, 2}};
-  result.plots.push_back({result.name,
-                          "Stiffness at which the run explodes",
-                          log_step_axis,
-                          {"Spring constant k (s⁻²)", true, {}},
-                          series});
-  result.plots.push_back({result.name + "-linear",
-                          "Stiffness at which the run explodes",
-                          step_axis,
-                          {"Spring constant k (s⁻²)", false, {}},
-                          series});
+  const Axis stiffness_axis{"Spring constant k (s⁻²)", false, {}};
+  const Axis log_stiffness_axis{"Spring constant k (s⁻²)", true, {}};
+  const std::string title = "Stiffness at which the run explodes";
+  result.plots.push_back({result.name, title, log_step_axis, log_stiffness_axis, series});
+  result.plots.push_back({result.name + "-linear", title, step_axis, stiffness_axis, series});
   return result;
 }
 

@@ -140,6 +140,11 @@ Guard::Loss Guard::look_at_links() {
   steps_since_look_ = 0;
   const LinkHealth links = solver_.link_health();
   const double energy = links.kinetic + links.potential;
+  // A hand tears links as fast as it likes; what a step too long does with that leaves the box soon enough.
+  if (disturbed_) {
+    strained_looks_ = 0;
+    return Loss::none;
+  }
   const bool is_strained = static_cast<double>(links.max_strain_rate_per_s) * step_s_ > strained;
   if (!is_strained) strained_looks_ = 0;
   if (is_strained && strained_looks_++ == 0) strained_energy_ = energy;
@@ -203,7 +208,7 @@ GuardReport Guard::advance(int count) {
   const auto halves = static_cast<std::int64_t>(std::llround(first_step_s / step_s_));
   steps_since_snapshot_ = report.recovered ? span * halves : span;
   time_s_ = solver_.time_s();
-  input_ = false;
+  input_ = disturbed_ = false;
   report.steps_done =
       static_cast<int>(std::min<std::int64_t>(count * halves, std::numeric_limits<int>::max()));
   return report;

@@ -382,23 +382,47 @@ TEST(Guard, LooksAtLinksEveryFortyEvaluationsOfTheForces) {
   EXPECT_LE(solver.looks, 41);
 }
 
-TEST(Guard, LinksThatKeepChangingByHalfWhileEnergyGrowsAreLostWhateverActs) {
+TEST(Guard, LinksThatKeepChangingByHalfWhileEnergyGrowsAreLostOnceNoHandIsAtThem) {
   Fragile solver(10.0);
   Guard guard(solver, 1.0);
   solver.energy = 1.0;
   solver.strain_rate_per_s = 0.7F;
-  const auto batches = [&](int count) {
+  const auto batches = [&](int count, bool by_hand) {
     for (int batch = 0; batch < count; ++batch) {
-      guard.disturbed();  // as a drag does
+      if (by_hand) guard.disturbed();  // as a drag does
       guard.advance(10);
     }
   };
-  batches(10);
+  batches(10, false);
   EXPECT_EQ(guard.recoveries(), 0) << "fast, but nothing grows";
   solver.on_step = [&](int) {
     if (guard.step_s() > 0.6) solver.energy *= 1.2;
   };
-  batches(10);
+  batches(10, true);
+  EXPECT_EQ(guard.recoveries(), 0) << "the hand does that";
+  batches(10, false);
   EXPECT_EQ(guard.recoveries(), 1);
   EXPECT_EQ(guard.step_s(), 0.5);
+}
+
+// A corner pulled out by twelve links, one and a half in each step.
+TEST(Guard, ADragOfManyLinksInFewStepsIsNoFaultOfTheStep) {
+  const auto tissue = testing_::cube_tissue(6);
+  const Parameters parameters;
+  const auto solver = simulation::make_reference_solver(tissue, parameters);
+  const double step_s = 0.6 * simulation::stable_step(*tissue, parameters).step_s;
+  Guard guard(*solver, step_s);
+  const auto last = static_cast<std::uint32_t>(tissue->points.size() - 1);
+  solver->hold({{last, 1.0F}, {last - 1, 1.0F}, {last - 6, 1.0F}});
+  solver->set_grab_velocity({1.5 / step_s, 0.0, 0.0});
+  for (int n = 0; n < 8; ++n) {
+    guard.disturbed();
+    guard.advance(1);
+  }
+  solver->set_grab_velocity(Eigen::Vector3d::Zero());
+  guard.disturbed();
+  for (int n = 0; n < 30; ++n) guard.advance(10);
+  EXPECT_EQ(guard.recoveries(), 0);
+  EXPECT_FALSE(guard.diverged());
+  EXPECT_GT(solver->health().max_displacement_mm, 11.9F);
 }

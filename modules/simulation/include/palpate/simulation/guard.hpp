@@ -34,7 +34,7 @@ struct GuardReport {
 /// there restores the snapshot in the same way: energy that stays above what it was,
 /// by half of the kinetic energy, while nothing acts from outside; or a free link
 /// that changes its length by more than half in one step, and goes on doing so while
-/// the energy grows, whatever acts. (A released pull does that too, but gains nothing.)
+/// the energy grows and no hand is at it. (A released pull does that too, but gains nothing.)
 /// Should smaller steps see the same at the same time, it was no fault of the
 /// step, and the run goes on with the step it had.
 class Guard {
@@ -49,7 +49,7 @@ class Guard {
   /// Something acts from outside in the next batch and may bring energy in: a
   /// grab moves or lets go, links were cut or healed, anchors changed. (New
   /// parameters, a state that was set and a beat are seen without this.)
-  void disturbed() { input_ = true; }
+  void disturbed() { input_ = disturbed_ = true; }
   double step_s() const noexcept { return step_s_; }
   void set_step_s(double step_s);
   int recoveries() const noexcept { return recoveries_; }
@@ -93,8 +93,9 @@ class Guard {
   int recoveries_ = 0;
   bool diverged_ = false;
   // The watch over the links.
-  Parameters parameters_;  ///< that the energy is of
-  bool input_ = false;
+  Parameters parameters_;               ///< that the energy is of
+  bool input_ = false;                  ///< energy may come in from outside
+  bool disturbed_ = false;              ///< by a hand or a cut, now: links may change as fast as they like
   bool watches_links_ = true;           ///< not while a time is done again whose alarm was false
   std::optional<double> least_energy_;  ///< since the last input
   bool is_quiet_ = true;                ///< no energy came up that may be the beginning of a blow-up
