@@ -202,6 +202,29 @@ TEST_F(LatticeSolver, AgreesWithTheExplicitLayoutOnALatticeOfManySlabs) {
   EXPECT_LT(forced->bytes(), 300 * tissue->points.size());
 }
 
+// Mutual nearest points at a box's edges are two planes apart, more than a
+// slab would be high where a plane is as large as this.
+TEST_F(LatticeSolver, LinksThatLeaveTheStencilSpanNoMoreThanASlab) {
+  const auto volume =
+      core::Volume(core::ImageGeometry({200, 200, 9}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()),
+                   std::vector<float>(200 * 200 * 9, 1.0F));
+  model::TissueParameters parameters;
+  parameters.threshold_low = 0.5;
+  auto made = model::generate(volume, parameters);
+  // Every tenth point of the first row is tied to the one two planes above.
+  for (std::uint32_t point = 0; point < 200; point += 10) {
+    made.links.pairs.push_back({point, point + 2 * 200 * 200});
+    made.links.rest_lengths_mm.push_back(1.5F);
+  }
+  const auto tissue = std::make_shared<model::Tissue>(std::move(made));
+  const auto one = lattice(tissue);
+  const auto other =
+      simulation::make_opencl_solver(device(), tissue, Parameters(), {0, LayoutChoice::explicit_links});
+  for (Solver* each : {one.get(), other.get()}) each->step(10, 0.003);
+  EXPECT_GT(other->health().max_displacement_mm, 0.05F) << "the ties pull";
+  EXPECT_LT(furthest(one->state().positions_mm, other->state().positions_mm), tolerance_mm);
+}
+
 TEST_F(LatticeSolver, RunsAreAlikeBitForBit) {
   const auto tissue = ragged_tissue();
   std::array<State, 2> results;

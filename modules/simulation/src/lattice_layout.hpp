@@ -112,7 +112,8 @@ struct LatticeSchedule {
   std::uint32_t most_chunks = 0;  ///< of a slab
 };
 /// Slabs of whole planes with about `segments_in_slab` segments, each cut into
-/// `chunks_in_slab` bands of rows that take equally long.
+/// `chunks_in_slab` bands of rows that take equally long. No slab but the last
+/// has fewer planes than a link spans.
 LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
                             std::size_t chunks_in_slab);
 

@@ -2,6 +2,7 @@
 #include "lattice_layout.hpp"
 
 #include <algorithm>
+#include <cstdlib>
 
 namespace palpate::simulation {
 
@@ -65,6 +66,14 @@ void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t c
   schedule.slabs.push_back(slab);
 }
 
+/// The planes that a link may span: one by the stencil, more in the overflow.
+int planes_spanned(const LatticeLayout& layout) {
+  int most = 1;
+  for (const OverflowLink& link : layout.overflow)
+    most = std::max(most, std::abs(static_cast<int>(static_cast<std::int16_t>(link.apart_z_own & 0xffffU))));
+  return most;
+}
+
 }  // namespace
 
 LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
@@ -75,10 +84,12 @@ LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in
   const std::size_t rows_in_plane = index_of(layout.size[1]);
   const std::size_t slabs = std::max<std::size_t>(
       1, (layout.segments + segments_in_slab / 2) / std::max<std::size_t>(1, segments_in_slab));
+  // A stage runs one slab behind the one before it, so that no link may span more.
+  const int fewest_planes = planes_spanned(layout);
   int begin = 0;
   for (std::size_t slab = 0; slab < slabs && begin < planes; ++slab) {
     const std::size_t aim = layout.segments * (slab + 1) / slabs;
-    int end = begin + 1;
+    int end = std::min(planes, begin + fewest_planes);
     while (end < planes && layout.row_begins[index_of(end) * rows_in_plane] - 1 < aim) ++end;
     if (slab + 1 == slabs) end = planes;
     add_slab(layout, begin, end, chunks_in_slab, schedule);
