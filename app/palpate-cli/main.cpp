@@ -6,12 +6,14 @@
 #include "palpate/core/error.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <cstdlib>
 #include <exception>
 #include <new>
 #include <optional>
 #include <string>
+#include <thread>
 #include <unistd.h>
 #include <vector>
 
@@ -38,24 +40,41 @@ constexpr std::array<Command, 9> commands{{
     {"experiment", "measure a figure of the thesis again", run_experiment},
 }};
 
-/// A signal handler can reach nothing but a static object; it only ever
-/// points at the token of main().
-const core::CancelToken* token_of_handler = nullptr;
+/// Turns SIGINT and SIGTERM into a cancelled token. They are blocked in every
+/// thread and so in the linkers that an OpenCL driver starts: a terminal sends
+/// Ctrl-C to those too, and PoCL aborts the whole process when one dies of it.
+class Interrupts {
+ public:
+  /// Before any other thread is started: threads inherit what is blocked.
+  explicit Interrupts(const core::CancelToken& token) {
+    sigemptyset(&waited_for_);
+    sigaddset(&waited_for_, SIGINT);
+    sigaddset(&waited_for_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &waited_for_, nullptr);
+    thread_ = std::thread([this, &token] {
+      int signal = 0;
+      while (sigwait(&waited_for_, &signal) == 0 && !ended_) token.cancel();
+    });
+  }
+  ~Interrupts() {
+    ended_ = true;
+    pthread_kill(thread_.native_handle(), SIGTERM);
+    thread_.join();
+  }
+  Interrupts(const Interrupts&) = delete;
+  Interrupts& operator=(const Interrupts&) = delete;
 
-void on_interrupt(int) {
-  if (token_of_handler != nullptr) token_of_handler->cancel();
-}
+ private:
+  sigset_t waited_for_{};
+  std::atomic<bool> ended_{false};
+  std::thread thread_;
+};
 
-void install_handlers(const core::CancelToken& token) {
-  token_of_handler = &token;
+void ignore_write_signals() {
   struct sigaction action {};
-  action.sa_handler = on_interrupt;
-  sigemptyset(&action.sa_mask);
-  action.sa_flags = SA_RESTART;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  // A reader that went away is an error of write(), not the end of the process.
   action.sa_handler = SIG_IGN;
+  sigemptyset(&action.sa_mask);
+  // A reader that went away is an error of write(), not the end of the process.
   sigaction(SIGPIPE, &action, nullptr);
   // So is a file that may not grow any more.
   sigaction(SIGXFSZ, &action, nullptr);
@@ -112,8 +131,7 @@ int dispatch(const std::vector<std::string>& arguments, Console& console) {
 
 /// What ended the work, as an Error. To be called in a handler.
 Error current_error(const core::CancelToken& token) {
-  // The reader process gets the terminal's Ctrl-C too; its death is then no
-  // fault of the file.
+  // Whatever failed because of the stop is no fault of the file.
   if (token.cancelled())
     return {ErrorKind::cancelled, "cancelled", "Stopped before it was done; nothing half-written is left."};
   try {
@@ -132,9 +150,10 @@ Error current_error(const core::CancelToken& token) {
 
 int run_program(int argc, char** argv) noexcept {
   const core::CancelToken token;
-  install_handlers(token);
+  ignore_write_signals();
   int code = static_cast<int>(ErrorKind::internal);
   try {
+    const Interrupts interrupts(token);
     const std::vector<std::string> arguments(argv + std::min(argc, 1), argv + argc);
     Console console(take_outlets(), has(arguments, "--json"), has(arguments, "--progress"), token);
     try {
@@ -146,7 +165,6 @@ int run_program(int argc, char** argv) noexcept {
     }
   } catch (...) {  // no memory even to say so: the exit code tells
   }
-  token_of_handler = nullptr;
   return code;
 }
 
