@@ -329,25 +329,17 @@ __attribute__((always_inline)) void advance(const uint segment, Vector a, const 
 }
 
 #endif
-__kernel void sweep(__global const Lanes* source, __global const Lanes* base,
-                    __global const Lanes* second, __global const Lanes* third, __global Lanes* target,
-                    __global Lanes* waiting, __global const Stored* restrict rest,
-                    __global const uint4* restrict rows, __global const uint2* restrict entries,
-                    __global const uint* restrict chunks, __global const uint* restrict overflow_begins,
-                    __global const uint4* restrict overflow, __global const Lanes* restrict freedom,
-                    __global const Lanes* restrict factors, const uint first_chunk, const uint chunk_count,
-                    const uint first_trash, const uint all_free, const uint mode, const float h,
-                    const float stiffness, const float rest_scale, const float rest_offset, const float damping,
-                    const float length_scale, const float drag, const float4 gravity, const float over_mass,
-                    const float4 step_x, const float4 step_y, const float4 step_z) {
-  // The second group does nothing: PoCL gives a core one group more than its
-  // share of what is left, so that one of two cores would get both of two chunks.
-  const uint group = get_global_id(0);
-  const uint own_chunk = group > 1 ? group - 1 : group;
-  if (group == 1 || own_chunk >= chunk_count) return;
-  const uint chunk = first_chunk + own_chunk;
-  const uint end = chunks[chunk + 1];
-  const uint trash = first_trash + own_chunk;
+/// One chunk of a stage: its entries from begin to end.
+__attribute__((always_inline)) void walk(
+    __global const Lanes* source, __global const Lanes* base, __global const Lanes* second,
+    __global const Lanes* third, __global Lanes* target, __global Lanes* waiting,
+    __global const Stored* restrict rest, __global const uint4* restrict rows,
+    __global const uint2* restrict entries, const uint begin, const uint end,
+    __global const uint* restrict overflow_begins, __global const uint4* restrict overflow,
+    __global const Lanes* restrict freedom, __global const Lanes* restrict factors, const uint trash,
+    const uint all_free, const uint mode, const float h, const float stiffness, const float rest_scale,
+    const float rest_offset, const float damping, const float length_scale, const float drag,
+    const float4 gravity, const float over_mass, const float4 step_x, const float4 step_y, const float4 step_z) {
   const Law law = {stiffness, rest_scale, rest_offset, damping, h};
   // Of the segment before: its forces but for those that this one's first lane has on its last.
   Vector pending = zero_vector();
@@ -355,7 +347,7 @@ __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
   Vector on_next = zero_vector();
   uint previous = 0;
   uint previous_flags = 0;
-  for (uint n = chunks[chunk]; n < end; ++n) {
+  for (uint n = begin; n < end; ++n) {
     const uint segment = entries[n].x;
     const uint flags = entries[n].y;
     __global const Stored* lengths = rest + STORED_SLOTS * segment;
@@ -433,3 +425,27 @@ __kernel void sweep(__global const Lanes* source, __global const Lanes* base,
     previous_flags = flags;
   }
 }
+
+#ifndef MARCH
+__kernel void sweep(__global const Lanes* source, __global const Lanes* base,
+                    __global const Lanes* second, __global const Lanes* third, __global Lanes* target,
+                    __global Lanes* waiting, __global const Stored* restrict rest,
+                    __global const uint4* restrict rows, __global const uint2* restrict entries,
+                    __global const uint* restrict chunks, __global const uint* restrict overflow_begins,
+                    __global const uint4* restrict overflow, __global const Lanes* restrict freedom,
+                    __global const Lanes* restrict factors, const uint first_chunk, const uint chunk_count,
+                    const uint first_trash, const uint all_free, const uint mode, const float h,
+                    const float stiffness, const float rest_scale, const float rest_offset, const float damping,
+                    const float length_scale, const float drag, const float4 gravity, const float over_mass,
+                    const float4 step_x, const float4 step_y, const float4 step_z) {
+  // The second group does nothing: PoCL gives a core one group more than its
+  // share of what is left, so that one of two cores would get both of two chunks.
+  const uint group = get_global_id(0);
+  const uint own_chunk = group > 1 ? group - 1 : group;
+  if (group == 1 || own_chunk >= chunk_count) return;
+  const uint chunk = first_chunk + own_chunk;
+  walk(source, base, second, third, target, waiting, rest, rows, entries, chunks[chunk], chunks[chunk + 1],
+       overflow_begins, overflow, freedom, factors, first_trash + own_chunk, all_free, mode, h, stiffness,
+       rest_scale, rest_offset, damping, length_scale, drag, gravity, over_mass, step_x, step_y, step_z);
+}
+#endif

@@ -47,6 +47,17 @@ std::shared_ptr<model::Tissue> ragged_tissue(const Eigen::Vector3d& spacing_mm =
   return std::make_shared<model::Tissue>(model::generate(volume, parameters));
 }
 
+/// A box of points, each linked with its mutual 12 nearest.
+std::shared_ptr<model::Tissue> box_tissue(const std::array<int, 3>& dims) {
+  const auto count = static_cast<std::size_t>(dims[0]) * static_cast<std::size_t>(dims[1]) *
+                     static_cast<std::size_t>(dims[2]);
+  const core::Volume volume(core::ImageGeometry(dims, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()),
+                            std::vector<float>(count, 1.0F));
+  model::TissueParameters parameters;
+  parameters.threshold_low = 0.5;
+  return std::make_shared<model::Tissue>(model::generate(volume, parameters));
+}
+
 State disturbed(const Solver& solver, double displacement_mm, double speed_mm_per_s) {
   State state = solver.state();
   testing_::Numbers numbers(11);
@@ -178,12 +189,7 @@ TEST_F(LatticeSolver, FollowsTheReferenceWhereManyLinksLeaveTheStencilAndWhereAx
 
 TEST_F(LatticeSolver, AgreesWithTheExplicitLayoutOnALatticeOfManySlabs) {
   // Forty planes of a thousand points: more than one slab.
-  const auto volume =
-      core::Volume(core::ImageGeometry({40, 26, 50}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()),
-                   std::vector<float>(40 * 26 * 50, 1.0F));
-  model::TissueParameters parameters;
-  parameters.threshold_low = 0.5;
-  const auto tissue = std::make_shared<model::Tissue>(model::generate(volume, parameters));
+  const auto tissue = box_tissue({40, 26, 50});
   const auto solver = simulation::make_opencl_solver(device(), tissue, Parameters());
   const auto other =
       simulation::make_opencl_solver(device(), tissue, Parameters(), {0, LayoutChoice::explicit_links});
@@ -205,12 +211,7 @@ TEST_F(LatticeSolver, AgreesWithTheExplicitLayoutOnALatticeOfManySlabs) {
 // Mutual nearest points at a box's edges are two planes apart, more than a
 // slab would be high where a plane is as large as this.
 TEST_F(LatticeSolver, LinksThatLeaveTheStencilSpanNoMoreThanASlab) {
-  const auto volume =
-      core::Volume(core::ImageGeometry({200, 200, 9}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()),
-                   std::vector<float>(200 * 200 * 9, 1.0F));
-  model::TissueParameters parameters;
-  parameters.threshold_low = 0.5;
-  auto made = model::generate(volume, parameters);
+  model::Tissue made = *box_tissue({200, 200, 9});
   // Every tenth point of the first row is tied to the one two planes above.
   for (std::uint32_t point = 0; point < 200; point += 10) {
     made.links.pairs.push_back({point, point + 2 * 200 * 200});
@@ -223,6 +224,37 @@ TEST_F(LatticeSolver, LinksThatLeaveTheStencilSpanNoMoreThanASlab) {
   for (Solver* each : {one.get(), other.get()}) each->step(10, 0.003);
   EXPECT_GT(other->health().max_displacement_mm, 0.05F) << "the ties pull";
   EXPECT_LT(furthest(one->state().positions_mm, other->state().positions_mm), tolerance_mm);
+}
+
+// Every sum has one order: the same bits each time. Launches of a stage each cut
+// the rows into other chunks, whose ends the compiler rounds in another way.
+TEST_F(LatticeSolver, ManyStepsInOneLaunchAreTheSameAsALaunchForEveryStage) {
+  Parameters beating = with(Integrator::rk4);
+  beating.beat_amplitude = 0.2;
+  beating.beat_period_s = 0.1;
+  std::vector<Parameters> all{beating};
+  for (const auto integrator : {Integrator::rk4, Integrator::euler, Integrator::symplectic_euler,
+                                Integrator::verlet, Integrator::velocity_verlet})
+    all.push_back(with(integrator));
+  // One slab that two cores share, a sheet, fewer slabs than passes at once, and many.
+  for (const auto& dims :
+       {std::array{6, 6, 6}, std::array{40, 40, 1}, std::array{30, 40, 4}, std::array{20, 24, 60}}) {
+    const auto tissue = box_tissue(dims);
+    for (const Parameters& parameters : all) {
+      std::vector<State> results;
+      for (const bool launches_every_stage : {false, false, true}) {
+        const auto solver = simulation::make_opencl_solver(device(), tissue, parameters,
+                                                           {0, LayoutChoice::lattice, launches_every_stage});
+        go_through_everything(*solver, disturbed(*solver, 0.05, 10.0), 0.0007);
+        for (const int steps : {1, 2, 131, 3}) solver->step(steps, 0.0007);
+        results.push_back(solver->state());
+      }
+      const std::string which = std::to_string(dims[2]) + " planes, " + to_string(parameters.integrator);
+      EXPECT_TRUE(results[0].positions_mm == results[1].positions_mm) << which;
+      EXPECT_TRUE(results[0].velocities_mm_per_s == results[1].velocities_mm_per_s) << which;
+      EXPECT_LT(furthest(results[0].positions_mm, results[2].positions_mm), 1e-5F) << which;
+    }
+  }
 }
 
 TEST_F(LatticeSolver, RunsAreAlikeBitForBit) {

@@ -29,13 +29,20 @@ void DeviceSolver::step(int count, double step_s) {
   begin_steps(step_s);
   const bool moves = grab_moves() && held_list_.count > 0;
   const Float4 velocity = float4(grab_velocity_);
-  for (int n = 0; n < count; ++n) {
-    run_step(step_s, time_s_ + n * step_s);
-    if (moves) move_points(held_list_, velocity, static_cast<float>(step_s));
-  }
+  if (moves)
+    for (int n = 0; n < count; ++n) {
+      run_steps(1, step_s, time_s_ + n * step_s);
+      move_points(held_list_, velocity, static_cast<float>(step_s));
+    }
+  else
+    run_steps(count, step_s, time_s_);
   end_steps();
   device_.flush();
   time_s_ += count * step_s;
+}
+
+void DeviceSolver::run_steps(int count, double step_s, double time_s) {
+  for (int n = 0; n < count; ++n) run_step(step_s, time_s + n * step_s);
 }
 
 void DeviceSolver::hold(const std::vector<HeldPoint>& held) {

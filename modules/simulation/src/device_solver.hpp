@@ -61,8 +61,8 @@ class DeviceSolver : public Solver {
   std::vector<float> freedom() const final;
   std::size_t list_bytes() const noexcept { return held_list_.bytes() + anchor_list_.bytes(); }
 
-  // Hooks. Calls of one batch: begin_steps, then per step run_step and, while
-  // a grab moves, move_points; end_steps.
+  // Hooks. Calls of one batch: begin_steps, then run_steps or, while a grab
+  // moves, per step run_steps and move_points; end_steps.
 
   /// Takes new parameters for the steps to come (at `time_s`, for a beat).
   /// Throws Error(usage), and changes nothing, where the layout cannot.
@@ -73,6 +73,8 @@ class DeviceSolver : public Solver {
   virtual void begin_steps(double step_s) = 0;
   /// Queues one step from time_s to time_s + step_s.
   virtual void run_step(double step_s, double time_s) = 0;
+  /// Queues so many steps, with nothing between them.
+  virtual void run_steps(int count, double step_s, double time_s);
   /// From here on the state is where the other hooks and positions_buffer() find it.
   virtual void end_steps() {}
   /// Queues x += alpha u h, v = (1 - alpha) v + alpha u (kernels/grab.cl) on

@@ -106,8 +106,15 @@ struct LatticeSchedule {
     std::uint32_t first_chunk = 0;
     std::uint32_t chunks = 0;
   };
+  /// The rows that a chunk owns: those of a band in each plane of a slab.
+  struct Band {
+    std::uint32_t slab = 0;
+    int y_begin = 0;
+    int y_end = 0;
+  };
   std::vector<std::array<std::uint32_t, 2>> entries;  ///< segment and flags
   std::vector<std::uint32_t> chunks;                  ///< where each begins, and the end
+  std::vector<Band> bands;                            ///< of the chunks
   std::vector<Slab> slabs;
   std::uint32_t most_chunks = 0;  ///< of a slab
 };
@@ -116,5 +123,15 @@ struct LatticeSchedule {
 /// has fewer planes than a link spans.
 LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
                             std::size_t chunks_in_slab);
+
+/// What kernels/lattice_march.cl lets a chunk wait for: itself and the chunks
+/// whose points its links reach. With the top bit they must have done the same pass, else
+/// the one before.
+struct LatticeNeeds {
+  static constexpr std::uint32_t same_pass = 0x80000000U;
+  std::vector<std::uint32_t> begins;  ///< of the chunks, and the end
+  std::vector<std::uint32_t> chunks;
+};
+LatticeNeeds needs_of(const LatticeSchedule& schedule, const LatticeLayout& layout);
 
 }  // namespace palpate::simulation

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <set>
+#include <vector>
 
 namespace palpate::simulation {
 
@@ -59,6 +61,7 @@ void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t c
       }
     schedule.entries.push_back({schedule.entries.back()[0], 0});  // completes the last one
     schedule.chunks.push_back(static_cast<std::uint32_t>(schedule.entries.size()));
+    schedule.bands.push_back({static_cast<std::uint32_t>(schedule.slabs.size()), y_begin, y_end});
     ++slab.chunks;
     y_begin = y_end;
   }
@@ -96,6 +99,43 @@ LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in
     begin = end;
   }
   return schedule;
+}
+
+LatticeNeeds needs_of(const LatticeSchedule& schedule, const LatticeLayout& layout) {
+  const std::size_t count = schedule.bands.size();
+  std::vector<std::set<std::uint32_t>> reached(count);
+  for (const auto& slab : schedule.slabs)
+    for (std::uint32_t chunk = slab.first_chunk; chunk < slab.first_chunk + slab.chunks; ++chunk) {
+      const LatticeSchedule::Band& own = schedule.bands[chunk];
+      for (std::uint32_t other = slab.first_chunk; other < count; ++other) {
+        const LatticeSchedule::Band& band = schedule.bands[other];
+        if (band.slab > own.slab + 1) break;
+        if (band.y_begin > own.y_end || band.y_end < own.y_begin) continue;
+        reached[chunk].insert(other);  // itself too: its pass before may still be under way
+        reached[other].insert(chunk);
+      }
+    }
+  if (!layout.overflow.empty()) {
+    std::vector<std::uint32_t> chunk_of(layout.segments + 2, 0);
+    for (std::uint32_t chunk = 0; chunk < count; ++chunk)
+      for (std::uint32_t n = schedule.chunks[chunk]; n < schedule.chunks[chunk + 1]; ++n)
+        if ((schedule.entries[n][1] & own_flag) != 0) chunk_of[schedule.entries[n][0]] = chunk;
+    for (std::size_t segment = 1; segment <= layout.segments; ++segment)
+      for (std::uint32_t n = layout.overflow_begins[segment]; n < layout.overflow_begins[segment + 1]; ++n) {
+        const std::uint32_t other = chunk_of[layout.overflow[n].partner / layout.lanes];
+        reached[chunk_of[segment]].insert(other);
+        reached[other].insert(chunk_of[segment]);
+      }
+  }
+  LatticeNeeds needs;
+  for (std::uint32_t chunk = 0; chunk < count; ++chunk) {
+    needs.begins.push_back(static_cast<std::uint32_t>(needs.chunks.size()));
+    for (const std::uint32_t other : reached[chunk])
+      needs.chunks.push_back(
+          schedule.bands[other].slab < schedule.bands[chunk].slab ? other | LatticeNeeds::same_pass : other);
+  }
+  needs.begins.push_back(static_cast<std::uint32_t>(needs.chunks.size()));
+  return needs;
 }
 
 }  // namespace palpate::simulation

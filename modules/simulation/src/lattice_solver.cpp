@@ -4,6 +4,8 @@
 #include "implicit_lattice.hpp"
 #include "lattice_arguments.hpp"
 #include "lattice_layout.hpp"
+#include "lattice_march.hpp"
+#include "lattice_passes.hpp"
 #include "lattice_threads.hpp"
 
 #include "palpate/compute/kernel_library.hpp"
@@ -37,16 +39,6 @@ unsigned lanes_for(const compute::Device& device, const OpenclOptions& options) 
   throw core::Error(core::ErrorKind::internal, "points-per-item",
                     "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
 }
-
-/// What a launch of the sweep does with the forces; see kernels/lattice.cl.
-enum class Mode : std::uint32_t {
-  from_source = 0,
-  from_base = 1,
-  finish_rk4 = 2,
-  symplectic = 3,
-  drift = 4,
-  finish_verlet = 5
-};
 
 /// The part of an array that was changed.
 struct Changed {
@@ -95,8 +87,8 @@ class LatticeSolver final : public DeviceSolver {
         reason_(std::move(reason)),
         library_(device_given),
         layout_(build_lattice(tissue(), lanes_for(device_given, options))) {
-    schedule_ =
-        schedule_of(layout_, lanes_in_slab / layout_.lanes, std::max(1U, device_given.info().compute_units));
+    if (device_given.info().type == compute::DeviceType::cpu && !options.launches_every_stage)
+      march_ = std::make_unique<LatticeMarch>(device_given, layout_);
     allocate();
     State rest{0.0, tissue().points.positions_mm, {}};
     rest.velocities_mm_per_s.assign(point_count(), Eigen::Vector3f::Zero());
@@ -181,16 +173,23 @@ class LatticeSolver final : public DeviceSolver {
                                  &link_sums_})
       sum += buffer->bytes();
     if (implicit_) sum += implicit_->bytes();
+    if (march_) sum += march_->bytes();
     return sum;
   }
 
  protected:
   void use(const Parameters& parameters) override {
-    Scheme& next = scheme_of(parameters);
+    is_undamped_ = parameters.damping_per_s == 0.0;
+    Scheme* const next = marches(parameters) ? nullptr : &scheme_of(parameters);
+    if (next == nullptr) use_march(parameters);
     if (is_beside_) y_.copy_from(s2_, s2_.bytes());
     is_beside_ = false;
-    scheme_ = &next;
-    use_in(*scheme_, parameters);
+    scheme_ = next;
+    parameters_in_use_ = parameters;
+    if (scheme_ != nullptr)
+      use_in(*scheme_, parameters);
+    else if (freedom_)
+      march_->set_freedom(freedom_, is_all_free());
   }
 
   void write_freedom(const std::vector<float>& freedom) override {
@@ -201,11 +200,13 @@ class LatticeSolver final : public DeviceSolver {
     freedom_ = buffer_of(device(), lanes);
     for_stages([&](Stage& stage) {
       stage.kernel.set(freedom_argument, freedom_);
-      stage.kernel.set(all_free_argument, free_flag());
+      stage.kernel.set(all_free_argument, is_all_free() ? 1U : 0U);
     });
+    if (march_) march_->set_freedom(freedom_, is_all_free());
   }
 
   void begin_steps(double step_s) override {
+    if (scheme_ == nullptr) return;
     if (parameters_in_use_.integrator == Integrator::implicit_euler) {
       implicit_->begin_steps(parameters_in_use_, float4(from_lps(parameters_in_use_.gravity_mm_per_s2)),
                              step_s, kernels_of(*scheme_), y_, freedom_, s4_, {&s2_, &s3_});
@@ -215,12 +216,23 @@ class LatticeSolver final : public DeviceSolver {
       for (Stage& stage : *list) stage.kernel.set(h_argument, static_cast<float>(stage.h * step_s));
   }
 
+  void run_steps(int count, double step_s, double time_s) override {
+    if (scheme_ != nullptr) {
+      DeviceSolver::run_steps(count, step_s, time_s);
+      return;
+    }
+    for (int done = 0; done < count; done += LatticeMarch::most_steps) {
+      const int now = std::min(count - done, LatticeMarch::most_steps);
+      march_->run(now, step_s, time_s + done * step_s, is_beside_);
+      if (ends_beside(parameters_in_use_.integrator) && now % 2 == 1) is_beside_ = !is_beside_;
+    }
+  }
+
   void run_step(double step_s, double time_s) override {
     if (parameters_in_use_.integrator == Integrator::implicit_euler) {
-      implicit_->run_step(step_s, time_s, kernels_of(*scheme_), schedule_.slabs.size(),
-                          [this](ImplicitLatticeStep::Pass pass, std::size_t slab) {
-                            launch(scheme_->stages[pass], slab);
-                          });
+      implicit_->run_step(
+          step_s, time_s, kernels_of(*scheme_), schedule_.slabs.size(),
+          [this](ImplicitLatticeStep::Pass pass, std::size_t slab) { launch(scheme_->stages[pass], slab); });
       return;
     }
     auto& stages = is_beside_ ? scheme_->back : scheme_->stages;
@@ -317,15 +329,14 @@ class LatticeSolver final : public DeviceSolver {
 
   void allocate() {
     y_ = zeros(state_bytes());
-    waiting_ = zeros((layout_.segments + 2 + schedule_.most_chunks) * 3 * layout_.lanes * sizeof(float));
+    const std::size_t segments = layout_.segments + 2 + LatticeMarch::trash_segments(device());
+    waiting_ = zeros(segments * 3 * layout_.lanes * sizeof(float));
     rest_ = buffer_of(device(), layout_.rest);
     rows_ = buffer_of(device(), layout_.rows);
     std::vector<Float4> origins;
     for (std::uint32_t segment = 0; segment < layout_.segments + 2; ++segment)
       origins.push_back(float4(layout_.site_mm(segment * layout_.lanes)));
     origins_ = buffer_of(device(), origins);
-    entries_ = buffer_of(device(), schedule_.entries);
-    chunks_ = buffer_of(device(), schedule_.chunks);
     overflow_begins_ = buffer_of(device(), layout_.overflow_begins);
     overflow_ = buffer_of(device(), layout_.overflow);
     lane_of_point_ = buffer_of(device(), layout_.lane_of_point);
@@ -369,27 +380,71 @@ class LatticeSolver final : public DeviceSolver {
 
   std::string slots_define() const { return "SLOTS=" + std::to_string(layout_.slots.used) + "u"; }
 
-  Stage stage_of(Mode mode, double h, double at, const Buffer& source, const Buffer& base,
-                 const Buffer& target, const std::string& define = {}) {
+  std::vector<std::string> defines(const std::string& define = {}) const {
     std::vector<std::string> defines = scaling_defines_of(material());
     if (!define.empty()) defines.push_back(define);
     defines.push_back("LANES=" + std::to_string(layout_.lanes));
     defines.push_back(slots_define());
     defines.emplace_back("-cl-fast-relaxed-math");
-    if (is_undamped_) defines.emplace_back("UNDAMPED");
+    if (is_undamped_ && define.empty()) defines.emplace_back("UNDAMPED");
     if (layout_.is_sheared) defines.emplace_back("SHEARED");
-    Stage stage{library_.build("lattice.cl", "sweep", defines), h, at};
+    return defines;
+  }
+
+  const Buffer& state_named(Stored name) const {
+    return name == Stored::y ? y_ : name == Stored::s2 ? s2_ : name == Stored::s3 ? s3_ : s4_;
+  }
+
+  /// define: of an implicit pass, which reads no velocities.
+  Stage stage_of(const Pass& pass, const std::string& define = {}) {
+    need_schedule();
+    Stage stage{library_.build("lattice.cl", "sweep", defines(define)), pass.h, pass.at};
     Kernel& kernel = stage.kernel;
-    const bool ends_rk4 = mode == Mode::finish_rk4;
-    kernel.set_all(source, base, ends_rk4 ? s2_ : base, ends_rk4 ? s3_ : base, target, waiting_, rest_, rows_,
-                   entries_, chunks_, overflow_begins_, overflow_, freedom_ ? freedom_ : origins_,
-                   factors_ ? factors_ : origins_);
+    const Buffer& base = state_named(pass.base);
+    const bool ends_rk4 = pass.mode == Mode::finish_rk4;
+    kernel.set_all(state_named(pass.source), base, ends_rk4 ? s2_ : base, ends_rk4 ? s3_ : base,
+                   state_named(pass.target), waiting_, rest_, rows_, entries_, chunks_, overflow_begins_,
+                   overflow_, freedom_ ? freedom_ : origins_, factors_ ? factors_ : origins_);
     kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
-    kernel.set(all_free_argument, free_flag());
-    kernel.set(mode_argument, static_cast<std::uint32_t>(mode));
+    kernel.set(all_free_argument, is_all_free() ? 1U : 0U);
+    kernel.set(mode_argument, static_cast<std::uint32_t>(pass.mode));
     for (unsigned axis = 0; axis < 3; ++axis)
       kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis]));
     return stage;
+  }
+
+  /// Of the launches that take a stage each.
+  void need_schedule() {
+    if (entries_) return;
+    schedule_ =
+        schedule_of(layout_, lanes_in_slab / layout_.lanes, std::max(1U, device().info().compute_units));
+    entries_ = buffer_of(device(), schedule_.entries);
+    chunks_ = buffer_of(device(), schedule_.chunks);
+  }
+
+  bool marches(const Parameters& p) const {
+    return march_ != nullptr && p.integrator != Integrator::implicit_euler;
+  }
+
+  void use_march(const Parameters& p) {
+    need_states(p.integrator);
+    LatticeMarch::Arrays arrays;
+    arrays.states = {&y_, &s2_, s3_ ? &s3_ : nullptr, s4_ ? &s4_ : nullptr};
+    arrays.waiting = &waiting_;
+    arrays.rest = &rest_;
+    arrays.rows = &rows_;
+    arrays.overflow_begins = &overflow_begins_;
+    arrays.overflow = &overflow_;
+    arrays.factors = factors_ ? &factors_ : &origins_;
+    march_->use(library_, defines(), arrays, p, from_lps(p.gravity_mm_per_s2));
+  }
+
+  void need_states(Integrator integrator) {
+    need(s2_);
+    if (integrator == Integrator::rk4 || integrator == Integrator::implicit_euler) {
+      need(s3_);
+      need(s4_);
+    }
   }
 
   void need(Buffer& buffer) const {
@@ -398,42 +453,15 @@ class LatticeSolver final : public DeviceSolver {
 
   Scheme make_scheme(Integrator integrator) {
     Scheme scheme;
-    need(s2_);
-    const auto alternating = [&](Mode mode) {
-      scheme.stages.push_back(stage_of(mode, 1.0, 0.0, y_, y_, s2_));
-      scheme.back.push_back(stage_of(mode, 1.0, 0.0, s2_, s2_, y_));
-    };
-    switch (integrator) {
-      case Integrator::euler:
-        alternating(Mode::from_source);
-        break;
-      case Integrator::symplectic_euler:
-      case Integrator::verlet:
-        alternating(Mode::symplectic);
-        break;
-      case Integrator::velocity_verlet:
-        scheme.stages.push_back(stage_of(Mode::drift, 1.0, 0.0, y_, y_, s2_));
-        scheme.stages.push_back(stage_of(Mode::finish_verlet, 0.5, 1.0, s2_, y_, y_));
-        break;
-      case Integrator::rk4:
-        need(s3_);
-        need(s4_);
-        scheme.stages.push_back(stage_of(Mode::from_source, 0.5, 0.0, y_, y_, s2_));
-        scheme.stages.push_back(stage_of(Mode::from_base, 0.5, 0.5, s2_, y_, s3_));
-        scheme.stages.push_back(stage_of(Mode::from_base, 1.0, 0.5, s3_, y_, s4_));
-        scheme.stages.push_back(stage_of(Mode::finish_rk4, 1.0 / 6.0, 1.0, s4_, y_, y_));
-        break;
-      case Integrator::implicit_euler:
-        add_implicit_passes(scheme);
-        break;
-    }
+    need_states(integrator);
+    for (const Pass& pass : passes_of(integrator)) scheme.stages.push_back(stage_of(pass));
+    if (ends_beside(integrator))
+      for (const Pass& pass : back(passes_of(integrator))) scheme.back.push_back(stage_of(pass));
+    if (integrator == Integrator::implicit_euler) add_implicit_passes(scheme);
     return scheme;
   }
 
   void add_implicit_passes(Scheme& scheme) {
-    need(s3_);
-    need(s4_);
-    is_undamped_ = false;  // what a sweep reads beside the places is no velocity there
     if (!implicit_)
       implicit_ = std::make_unique<ImplicitLatticeStep>(
           library_,
@@ -444,12 +472,15 @@ class LatticeSolver final : public DeviceSolver {
                                          rest_offset_argument, damping_argument, length_scale_argument,
                                          drag_argument, gravity_argument},
           implicit_spread(tissue(), material()));
-    using Pass = ImplicitLatticeStep::Pass;
+    using ImplicitPass = ImplicitLatticeStep::Pass;
     for (std::size_t n = 0; n < ImplicitLatticeStep::pass_count; ++n) {
-      const auto pass = static_cast<Pass>(n);
-      const bool iterates = pass == Pass::iterate || pass == Pass::iterate_back;
-      const Buffer& source = pass == Pass::iterate ? s2_ : pass == Pass::iterate_back ? s3_ : y_;
-      Stage stage = stage_of(Mode::from_source, 1.0, 1.0, source, y_, pass == Pass::iterate ? s3_ : s2_,
+      const auto pass = static_cast<ImplicitPass>(n);
+      const bool iterates = pass == ImplicitPass::iterate || pass == ImplicitPass::iterate_back;
+      const Stored source = pass == ImplicitPass::iterate        ? Stored::s2
+                            : pass == ImplicitPass::iterate_back ? Stored::s3
+                                                                 : Stored::y;
+      const Stored target = pass == ImplicitPass::iterate ? Stored::s3 : Stored::s2;
+      Stage stage = stage_of({Mode::from_source, 1.0, 1.0, source, Stored::y, target},
                              ImplicitLatticeStep::define_of(pass));
       stage.kernel.set(second_argument, s4_);
       stage.kernel.set(third_argument, iterates ? implicit_->largest() : s3_);
@@ -468,7 +499,6 @@ class LatticeSolver final : public DeviceSolver {
     const auto key = std::pair(p.integrator, undamped);
     auto found = schemes_.find(key);
     if (found == schemes_.end()) {
-      is_undamped_ = undamped;
       found = schemes_.emplace(key, make_scheme(p.integrator)).first;
     }
     return found->second;
@@ -481,12 +511,10 @@ class LatticeSolver final : public DeviceSolver {
         for (Stage& stage : *list) use(stage);
   }
 
-  std::uint32_t free_flag() const {
-    return all_free_ && parameters_in_use_.gravity_mm_per_s2.isZero(0.0) ? 1U : 0U;
-  }
+  /// Nothing is held and there is no gravity.
+  bool is_all_free() const { return all_free_ && parameters_in_use_.gravity_mm_per_s2.isZero(0.0); }
 
   void use_in(Scheme& scheme, const Parameters& p) {
-    parameters_in_use_ = p;
     for (auto* list : {&scheme.stages, &scheme.back})
       for (Stage& stage : *list) {
         Kernel& kernel = stage.kernel;
@@ -495,7 +523,7 @@ class LatticeSolver final : public DeviceSolver {
         kernel.set(drag_argument, static_cast<float>(p.drag_per_s));
         kernel.set(gravity_argument, float4(from_lps(p.gravity_mm_per_s2)));
         kernel.set(over_mass_argument, static_cast<float>(1.0 / p.mass));
-        kernel.set(all_free_argument, free_flag());
+        kernel.set(all_free_argument, is_all_free() ? 1U : 0U);
         set_beat(stage, 1.0);
       }
   }
@@ -547,7 +575,8 @@ class LatticeSolver final : public DeviceSolver {
   std::string reason_;
   compute::KernelLibrary library_;
   LatticeLayout layout_;
-  LatticeSchedule schedule_;
+  LatticeSchedule schedule_;  ///< with entries_ and chunks_, where stages are launched one by one
+  std::unique_ptr<LatticeMarch> march_;
   Buffer y_, s2_, s3_, s4_, snapshot_;
   Buffer rest_positions_;
   Buffer waiting_;

@@ -149,6 +149,9 @@ struct OpenclOptions {
   unsigned points_per_item = 0;
   /// `lattice` throws Error(usage) for a tissue whose points do not lie on one.
   LayoutChoice layout = LayoutChoice::automatic;
+  /// Lattice: a launch for every stage and slab, as on a graphics card, also
+  /// where the device is a processor.
+  bool launches_every_stage = false;
 };
 /// A link with a rest length of zero does not act, in every layout: that is
 /// how a cut link is stored.

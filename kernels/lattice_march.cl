@@ -1,0 +1,98 @@
+// Many stages over a lattice in one launch, for a processor's cores.
+//
+// Equation: lattice.cl's, stage by stage as `passes` says.
+// A launch of a stage costs a core's sleep and waking each time, as much as
+// some hundred segments. Here every core takes tickets, a slab of a pass each,
+// and goes on until none are left.
+// Tickets: passes go in fours, a slab each on a diagonal: slab b of pass p on
+// diagonal b + 2 p, so that those of a diagonal do not need each other and a
+// slab is still in the cache when the next pass comes. The next four follow
+// `stride` diagonals later.
+// A ticket waits for what it needs: its chunk and those beside it must have done
+// the pass before, those of the slab below this pass too, since their forces are
+// `waiting`. What it
+// needs has a lower ticket, which a running core has taken: so somebody always
+// goes on, also where only one group runs at a time.
+//
+// Symbols     arguments                    units
+//   y S2 S3 S4                             as lattice.cl's source and target
+//   passes    two float4 a pass: (source, base, target as 0 .. 3, mode; bits of uint) and
+//             (h, k q, k o, beat's scale); pass n is entry n mod `period`
+//   slabs     first chunk, chunks
+//   needs     chunks, from needs_begins of a chunk; the top bit: this pass too
+//   progress  zero before and after, 16 numbers each: tickets taken and groups
+//             that left; passes done of each chunk
+//   the others as in lattice.cl
+// Work-item: alone in its group, takes tickets. Preconditions: as in lattice.cl;
+//   stride >= slab_count and >= 8; a trash segment for each work-item.
+// CPU twin: simulation::make_reference_solver.
+#define MARCH
+#include "lattice.cl"
+
+#define PASSES_AT_ONCE 4u
+// OpenCL 1.2 orders nothing between groups; Clang's own words do, also for its optimiser.
+#ifdef __has_builtin
+#if __has_builtin(__c11_atomic_thread_fence)
+#define SEE_OTHERS() __c11_atomic_thread_fence(__ATOMIC_ACQUIRE)
+#define SHOW_OTHERS() __c11_atomic_thread_fence(__ATOMIC_RELEASE)
+#endif
+#endif
+#ifndef SEE_OTHERS
+#define SEE_OTHERS() mem_fence(CLK_GLOBAL_MEM_FENCE)
+#define SHOW_OTHERS() mem_fence(CLK_GLOBAL_MEM_FENCE)
+#endif
+#define APART 16u  // counters of two chunks are not on one cache line
+
+__global Lanes* state_named(const uint name, __global Lanes* y, __global Lanes* s2, __global Lanes* s3,
+                            __global Lanes* s4) {
+  return name == 0 ? y : name == 1 ? s2 : name == 2 ? s3 : s4;
+}
+
+__kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, __global Lanes* s4,
+                    __global Lanes* waiting, __global const Stored* restrict rest,
+                    __global const uint4* restrict rows, __global const uint2* restrict entries,
+                    __global const uint* restrict chunks, __global const uint* restrict overflow_begins,
+                    __global const uint4* restrict overflow, __global const Lanes* restrict freedom,
+                    __global const Lanes* restrict factors, __global const uint2* restrict slabs,
+                    __global const uint* restrict needs_begins, __global const uint* restrict needs,
+                    volatile __global uint* progress, __global const float4* restrict passes,
+                    const uint slab_count, const uint chunk_count, const uint chunks_in_slab, const uint stride,
+                    const uint pass_count, const uint period, const uint first_trash, const uint all_free,
+                    const float stiffness, const float damping, const float drag, const float4 gravity,
+                    const float over_mass, const float4 step_x, const float4 step_y, const float4 step_z) {
+  const uint trash = first_trash + get_global_id(0);
+  const uint on_diagonal = PASSES_AT_ONCE * chunks_in_slab;
+  const uint fours = (pass_count + PASSES_AT_ONCE - 1) / PASSES_AT_ONCE;
+  const uint tickets = ((fours - 1) * stride + slab_count + 2 * (PASSES_AT_ONCE - 1)) * on_diagonal;
+  for (uint ticket = atomic_inc(progress); ticket < tickets; ticket = atomic_inc(progress)) {
+    const uint diagonal = ticket / on_diagonal;
+    const uint which = ticket % on_diagonal / chunks_in_slab;
+    const uint part = ticket % chunks_in_slab;
+    if (diagonal < 2 * which) continue;
+    const uint four = (diagonal - 2 * which) / stride;
+    const uint slab = (diagonal - 2 * which) % stride;
+    const uint pass = PASSES_AT_ONCE * four + which;
+    if (pass >= pass_count || slab >= slab_count || part >= slabs[slab].y) continue;
+    const uint chunk = slabs[slab].x + part;
+    for (uint n = needs_begins[chunk]; n < needs_begins[chunk + 1]; ++n) {
+      volatile __global uint* done = progress + APART * (1 + (needs[n] & 0x7fffffffu));
+      const uint wanted = pass + (needs[n] >> 31);
+      while (*done < wanted) {
+      }
+    }
+    SEE_OTHERS();
+    const uint4 names = as_uint4(passes[2 * (pass % period)]);
+    const float4 numbers = passes[2 * (pass % period) + 1];
+    walk(state_named(names.x, y, s2, s3, s4), state_named(names.y, y, s2, s3, s4), s2, s3,
+         state_named(names.z, y, s2, s3, s4), waiting, rest, rows, entries, chunks[chunk], chunks[chunk + 1],
+         overflow_begins, overflow, freedom, factors, trash, all_free, names.w, numbers.x, stiffness, numbers.y,
+         numbers.z, damping, numbers.w, drag, gravity, over_mass, step_x, step_y, step_z);
+    SHOW_OTHERS();
+    atomic_inc(progress + APART * (1 + chunk));
+  }
+  if (atomic_inc(progress + 1) + 1 == get_global_size(0)) {
+    progress[0] = 0;
+    progress[1] = 0;
+    for (uint chunk = 0; chunk < chunk_count; ++chunk) progress[APART * (1 + chunk)] = 0;
+  }
+}

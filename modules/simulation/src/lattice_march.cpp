@@ -1,0 +1,180 @@
+#include "lattice_march.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace palpate::simulation {
+
+namespace {
+
+// Numbers of kernels/lattice_march.cl.
+constexpr std::size_t passes_at_once = 4;
+constexpr std::size_t counters_apart = 16;
+constexpr std::uint32_t least_stride = 2 * passes_at_once;
+
+// A slab is worth its ticket from some ten microseconds on.
+constexpr std::size_t lanes_in_slab = 1536;
+
+enum Argument : unsigned {
+  states_argument,
+  waiting_argument = 4,
+  rest_argument,
+  rows_argument,
+  entries_argument,
+  chunks_argument,
+  overflow_begins_argument,
+  overflow_argument,
+  freedom_argument,
+  factors_argument,
+  slabs_argument,
+  needs_begins_argument,
+  needs_argument,
+  progress_argument,
+  passes_argument,
+  slab_count_argument,
+  chunk_count_argument,
+  chunks_in_slab_argument,
+  stride_argument,
+  pass_count_argument,
+  period_argument,
+  first_trash_argument,
+  all_free_argument,
+  stiffness_argument,
+  damping_argument,
+  drag_argument,
+  gravity_argument,
+  over_mass_argument,
+  step_x_argument
+};
+
+std::size_t units_of(const compute::Device& device) { return std::max(1U, device.info().compute_units); }
+
+float as_float(std::uint32_t bits) {
+  float value = 0.0F;
+  std::memcpy(&value, &bits, sizeof(value));
+  return value;
+}
+
+/// Slabs that may be worked on at once, four passes on a diagonal.
+LatticeSchedule schedule_for(const LatticeLayout& layout, std::size_t cores) {
+  const std::size_t segments_in_slab = std::max<std::size_t>(1, lanes_in_slab / layout.lanes);
+  LatticeSchedule schedule = schedule_of(layout, segments_in_slab, 1);
+  const std::size_t at_once = std::clamp<std::size_t>(schedule.slabs.size() / 2, 1, passes_at_once);
+  if (at_once < cores) schedule = schedule_of(layout, segments_in_slab, (cores + at_once - 1) / at_once);
+  return schedule;
+}
+
+}  // namespace
+
+LatticeMarch::LatticeMarch(const compute::Device& device, const LatticeLayout& layout)
+    : layout_(layout), device_(device), schedule_(schedule_for(layout, units_of(device))) {
+  chunks_in_slab_ = std::max(1U, schedule_.most_chunks);
+  const LatticeNeeds needs = needs_of(schedule_, layout);
+  std::vector<std::array<std::uint32_t, 2>> slabs;
+  for (const auto& [first, count] : schedule_.slabs) slabs.push_back({first, count});
+  entries_ = buffer_of(device, schedule_.entries);
+  chunks_ = buffer_of(device, schedule_.chunks);
+  slabs_ = buffer_of(device, slabs);
+  needs_begins_ = buffer_of(device, needs.begins);
+  needs_ = buffer_of(device, needs.chunks);
+  progress_ = compute::Buffer::allocate(
+      device, (schedule_.bands.size() + 1) * counters_apart * sizeof(std::uint32_t));
+  progress_.fill_zero();
+}
+
+// More groups than cores: PoCL gives a core more than one of them at a time.
+std::uint32_t LatticeMarch::trash_segments(const compute::Device& device) {
+  return static_cast<std::uint32_t>(2 * units_of(device));
+}
+
+std::size_t LatticeMarch::bytes() const noexcept {
+  return entries_.bytes() + chunks_.bytes() + slabs_.bytes() + needs_begins_.bytes() + needs_.bytes() +
+         progress_.bytes() + passes_.bytes();
+}
+
+void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::string>& defines,
+                       const Arrays& arrays, const Parameters& p, const Eigen::Vector3d& gravity_mm_per_s2) {
+  auto found = kernels_.find(defines);
+  if (found == kernels_.end())
+    found = kernels_.emplace(defines, library.build("lattice_march.cl", "march", defines)).first;
+  compute::Kernel& kernel = found->second;
+  for (unsigned n = 0; n < arrays.states.size(); ++n)
+    kernel.set(states_argument + n, arrays.states[n] != nullptr ? *arrays.states[n] : *arrays.states[0]);
+  kernel.set(waiting_argument, *arrays.waiting);
+  kernel.set(rest_argument, *arrays.rest);
+  kernel.set(rows_argument, *arrays.rows);
+  kernel.set(entries_argument, entries_);
+  kernel.set(chunks_argument, chunks_);
+  kernel.set(overflow_begins_argument, *arrays.overflow_begins);
+  kernel.set(overflow_argument, *arrays.overflow);
+  kernel.set(factors_argument, *arrays.factors);
+  kernel.set(slabs_argument, slabs_);
+  kernel.set(needs_begins_argument, needs_begins_);
+  kernel.set(needs_argument, needs_);
+  kernel.set(progress_argument, progress_);
+  const auto slab_count = static_cast<std::uint32_t>(schedule_.slabs.size());
+  kernel.set(slab_count_argument, slab_count);
+  kernel.set(chunk_count_argument, static_cast<std::uint32_t>(schedule_.bands.size()));
+  kernel.set(chunks_in_slab_argument, chunks_in_slab_);
+  kernel.set(stride_argument, std::max(least_stride, slab_count));
+  kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
+  kernel.set(stiffness_argument, static_cast<float>(p.stiffness_per_s2));
+  kernel.set(damping_argument, static_cast<float>(p.damping_per_s / 4.0));
+  kernel.set(drag_argument, static_cast<float>(p.drag_per_s));
+  kernel.set(gravity_argument, float4(gravity_mm_per_s2));
+  kernel.set(over_mass_argument, static_cast<float>(1.0 / p.mass));
+  for (unsigned axis = 0; axis < 3; ++axis)
+    kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis]));
+  kernel_ = &kernel;
+  parameters_ = p;
+}
+
+void LatticeMarch::set_freedom(const compute::Buffer& freedom, bool all_free) {
+  if (kernel_ == nullptr) return;
+  kernel_->set(freedom_argument, freedom);
+  kernel_->set(all_free_argument, all_free ? 1U : 0U);
+}
+
+void LatticeMarch::write_passes(int count, double step_s, double time_s, bool is_beside) {
+  const Parameters& p = parameters_;
+  const std::vector<Pass> forward = passes_of(p.integrator);
+  const bool alternates = ends_beside(p.integrator);
+  const bool beats = p.beat_amplitude != 0.0;
+  const int steps = beats ? count : alternates ? 2 : 1;
+  std::vector<Float4> table;
+  for (int step = 0; step < steps; ++step)
+    for (const Pass& pass : alternates && is_beside != (step % 2 == 1) ? back(forward) : forward) {
+      const double scale = rest_scale_at(p, beats ? time_s + (step + pass.at) * step_s : 0.0);
+      const double half = 0.5 * scale * p.stiffness_per_s2;
+      table.push_back({as_float(static_cast<std::uint32_t>(pass.source)),
+                       as_float(static_cast<std::uint32_t>(pass.base)),
+                       as_float(static_cast<std::uint32_t>(pass.target)),
+                       as_float(static_cast<std::uint32_t>(pass.mode))});
+      table.push_back({static_cast<float>(pass.h * step_s),
+                       static_cast<float>(half * static_cast<double>(layout_.rest_quantum_mm)),
+                       static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)),
+                       static_cast<float>(beats ? scale : 1.0)});
+    }
+  if (table.size() == passes_written_.size() &&
+      std::memcmp(table.data(), passes_written_.data(), table.size() * sizeof(Float4)) == 0)
+    return;
+  // What is queued still reads the old one; writing waits for it.
+  if (passes_.bytes() < table.size() * sizeof(Float4)) {
+    device_.finish();
+    passes_ = buffer_of(device_, table);
+  } else {
+    passes_.write(table.data(), table.size() * sizeof(Float4));
+  }
+  passes_written_ = std::move(table);
+}
+
+void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) {
+  write_passes(count, step_s, time_s, is_beside);
+  kernel_->set(passes_argument, passes_);
+  const std::size_t passes = static_cast<std::size_t>(count) * passes_of(parameters_.integrator).size();
+  kernel_->set(pass_count_argument, static_cast<std::uint32_t>(passes));
+  kernel_->set(period_argument, static_cast<std::uint32_t>(passes_written_.size() / 2));
+  kernel_->run(trash_segments(device_), 1);
+}
+
+}  // namespace palpate::simulation

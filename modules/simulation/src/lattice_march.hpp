@@ -1,0 +1,60 @@
+#pragma once
+
+#include "device_solver.hpp"
+#include "lattice_layout.hpp"
+#include "lattice_passes.hpp"
+
+#include "palpate/compute/kernel_library.hpp"
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace palpate::simulation {
+
+/// Many steps over a lattice in one launch (kernels/lattice_march.cl), for a
+/// processor's cores. Its arrays are the solver's.
+class LatticeMarch {
+ public:
+  /// Steps that one launch takes at most: a stop is not asked for meanwhile.
+  static constexpr int most_steps = 64;
+
+  LatticeMarch(const compute::Device& device, const LatticeLayout& layout);
+  /// Segments behind the last that work-items may write nonsense to.
+  static std::uint32_t trash_segments(const compute::Device& device);
+  std::size_t bytes() const noexcept;
+
+  struct Arrays {
+    std::array<const compute::Buffer*, 4> states{};  ///< y, s2, s3, s4; null where there is none
+    const compute::Buffer* waiting = nullptr;
+    const compute::Buffer* rest = nullptr;
+    const compute::Buffer* rows = nullptr;
+    const compute::Buffer* overflow_begins = nullptr;
+    const compute::Buffer* overflow = nullptr;
+    const compute::Buffer* factors = nullptr;
+  };
+  /// For the steps to come. gravity in the lattice's frame. Throws Error(device).
+  void use(compute::KernelLibrary& library, const std::vector<std::string>& defines, const Arrays& arrays,
+           const Parameters& parameters, const Eigen::Vector3d& gravity_mm_per_s2);
+  void set_freedom(const compute::Buffer& freedom, bool all_free);
+  /// Queues `count` steps, at most most_steps.
+  void run(int count, double step_s, double time_s, bool is_beside);
+
+ private:
+  void write_passes(int count, double step_s, double time_s, bool is_beside);
+
+  const LatticeLayout& layout_;
+  compute::Device device_;
+  LatticeSchedule schedule_;
+  std::uint32_t chunks_in_slab_ = 1;
+  compute::Buffer entries_, chunks_, slabs_, needs_begins_, needs_, progress_, passes_;
+  std::map<std::vector<std::string>, compute::Kernel> kernels_;  ///< by their defines
+  compute::Kernel* kernel_ = nullptr;
+  Parameters parameters_;
+  std::vector<Float4> passes_written_;
+};
+
+}  // namespace palpate::simulation
