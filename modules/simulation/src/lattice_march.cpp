@@ -10,10 +10,11 @@ namespace {
 // Numbers of kernels/lattice_march.cl.
 constexpr std::size_t passes_at_once = 4;
 constexpr std::size_t counters_apart = 16;
+constexpr std::size_t most_queues = 2;
 constexpr std::uint32_t least_stride = 2 * passes_at_once;
 
-// A slab is worth its ticket from some ten microseconds on.
-constexpr std::size_t lanes_in_slab = 1536;
+// A slab is worth taking from some microseconds on.
+constexpr std::size_t lanes_in_slab = 800;
 
 enum Argument : unsigned {
   states_argument,
@@ -34,6 +35,7 @@ enum Argument : unsigned {
   slab_count_argument,
   chunk_count_argument,
   chunks_in_slab_argument,
+  queues_argument,
   stride_argument,
   pass_count_argument,
   period_argument,
@@ -78,7 +80,7 @@ LatticeMarch::LatticeMarch(const compute::Device& device, const LatticeLayout& l
   needs_begins_ = buffer_of(device, needs.begins);
   needs_ = buffer_of(device, needs.chunks);
   progress_ = compute::Buffer::allocate(
-      device, (schedule_.bands.size() + 1) * counters_apart * sizeof(std::uint32_t));
+      device, (schedule_.bands.size() + 1 + most_queues) * counters_apart * sizeof(std::uint32_t));
   progress_.fill_zero();
 }
 
@@ -116,6 +118,8 @@ void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::s
   kernel.set(slab_count_argument, slab_count);
   kernel.set(chunk_count_argument, static_cast<std::uint32_t>(schedule_.bands.size()));
   kernel.set(chunks_in_slab_argument, chunks_in_slab_);
+  // The stages of RK4 are not alike; in one queue they share the cores better.
+  kernel.set(queues_argument, p.integrator == Integrator::rk4 ? 1U : 2U);
   kernel.set(stride_argument, std::max(least_stride, slab_count));
   kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
   kernel.set(stiffness_argument, static_cast<float>(p.stiffness_per_s2));
@@ -143,7 +147,7 @@ void LatticeMarch::write_passes(int count, double step_s, double time_s, bool is
   const int steps = beats ? count : alternates ? 2 : 1;
   std::vector<Float4> table;
   for (int step = 0; step < steps; ++step)
-    for (const Pass& pass : alternates && is_beside != (step % 2 == 1) ? back(forward) : forward) {
+    for (const Pass& pass : alternates&& is_beside != (step % 2 == 1) ? back(forward) : forward) {
       const double scale = rest_scale_at(p, beats ? time_s + (step + pass.at) * step_s : 0.0);
       const double half = 0.5 * scale * p.stiffness_per_s2;
       table.push_back({as_float(static_cast<std::uint32_t>(pass.source)),
