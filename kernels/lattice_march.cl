@@ -16,8 +16,8 @@
 //
 // Symbols     arguments                    units
 //   y S2 S3 S4                             as lattice.cl's source and target
-//   passes    two float4 a pass: (source, base, target as 0 .. 3, mode; bits of uint) and
-//             (h, k q, k o, beat's scale); pass n is entry n mod `period`
+//   passes    three float4 a pass: (source, base, target as 0 .. 3, mode; bits of uint),
+//             (h, k q, k o, beat's scale) and gravity; pass n is entry n mod `period`
 //   slabs     first chunk, chunks
 //   needs     chunks, from needs_begins of a chunk; the top bit: this pass too
 //   progress  zero before and after, 16 numbers each: groups that came and left;
@@ -50,17 +50,18 @@ __global Lanes* state_named(const uint name, __global Lanes* y, __global Lanes* 
 }
 
 __kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, __global Lanes* s4,
-                    __global Lanes* waiting, __global const Stored* restrict rest,
-                    __global const uint4* restrict rows, __global const uint2* restrict entries,
-                    __global const uint* restrict chunks, __global const uint* restrict overflow_begins,
-                    __global const uint4* restrict overflow, __global const Lanes* restrict freedom,
-                    __global const Lanes* restrict factors, __global const uint2* restrict slabs,
+                    __global const Lanes* second, __global const Lanes* third, __global Lanes* waiting,
+                    __global const Stored* restrict rest, __global const uint4* restrict rows,
+                    __global const uint2* restrict entries, __global const uint* restrict chunks,
+                    __global const uint* restrict overflow_begins, __global const uint4* restrict overflow,
+                    __global const Lanes* restrict freedom, __global const Lanes* restrict factors,
+                    __global const uint2* restrict slabs,
                     __global const uint* restrict needs_begins, __global const uint* restrict needs,
                     volatile __global uint* progress, __global const float4* restrict passes,
                     const uint slab_count, const uint chunk_count, const uint chunks_in_slab, const uint queues,
                     const uint stride, const uint pass_count, const uint period, const uint first_trash, const uint all_free,
-                    const float stiffness, const float damping, const float drag, const float4 gravity,
-                    const float over_mass, const float4 step_x, const float4 step_y, const float4 step_z) {
+                    const float stiffness, const float damping, const float drag, const float over_mass,
+                    const float4 step_x, const float4 step_y, const float4 step_z) {
   const uint trash = first_trash + get_global_id(0);
   const uint each = PASSES_AT_ONCE / queues;  // passes of a diagonal in a queue
   const uint fours = (pass_count + PASSES_AT_ONCE - 1) / PASSES_AT_ONCE;
@@ -98,12 +99,13 @@ __kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, _
     if (atomic_cmpxchg(taken + APART * queue, task, task + 1) != task || !is_one) continue;
     looks = 0;
     SEE_OTHERS();
-    const uint4 names = as_uint4(passes[2 * (pass % period)]);
-    const float4 numbers = passes[2 * (pass % period) + 1];
-    walk(state_named(names.x, y, s2, s3, s4), state_named(names.y, y, s2, s3, s4), s2, s3,
+    __global const float4* numbered = passes + 3 * (pass % period);
+    const uint4 names = as_uint4(numbered[0]);
+    const float4 numbers = numbered[1];
+    walk(state_named(names.x, y, s2, s3, s4), state_named(names.y, y, s2, s3, s4), second, third,
          state_named(names.z, y, s2, s3, s4), waiting, rest, rows, entries, chunks[chunk], chunks[chunk + 1],
          overflow_begins, overflow, freedom, factors, trash, all_free, names.w, numbers.x, stiffness, numbers.y,
-         numbers.z, damping, numbers.w, drag, gravity, over_mass, step_x, step_y, step_z);
+         numbers.z, damping, numbers.w, drag, numbered[2], over_mass, step_x, step_y, step_z);
     SHOW_OTHERS();
     atomic_inc(done + APART * chunk);
     queue = home;

@@ -234,7 +234,7 @@ TEST_F(LatticeSolver, ManyStepsInOneLaunchAreTheSameAsALaunchForEveryStage) {
   beating.beat_period_s = 0.1;
   std::vector<Parameters> all{beating};
   for (const auto integrator : {Integrator::rk4, Integrator::euler, Integrator::symplectic_euler,
-                                Integrator::verlet, Integrator::velocity_verlet})
+                                Integrator::verlet, Integrator::velocity_verlet, Integrator::implicit_euler})
     all.push_back(with(integrator));
   // One slab that two cores share, a sheet, fewer slabs than passes at once, and many.
   for (const auto& dims :

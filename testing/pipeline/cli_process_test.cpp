@@ -122,8 +122,8 @@ TEST(CliProcess, WhatADriverStartsIsDeafToCtrlC) {
   if (!opencl_present()) GTEST_SKIP() << "no OpenCL device";
   const TemporaryFolder folder;
   const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
-  Running run({"simulate", sample(), "--stride", "2", "--threshold", "80", "--steps", "100000000", "--progress",
-               "-o", (folder / "points.vtp").string()},
+  Running run({"simulate", sample(), "--stride", "2", "--threshold", "80", "--steps", "100000000",
+               "--progress", "-o", (folder / "points.vtp").string()},
               nothing);
   close(nothing);
   ASSERT_TRUE(run.said("Simulating")) << run.error_text();

@@ -76,28 +76,34 @@ void ImplicitLatticeStep::set_rest_scale(double scale, const Kernels& passes) co
   }
 }
 
-void ImplicitLatticeStep::run_iteration(std::size_t n, std::size_t slab, const Kernels& passes,
-                                        const Run& run) const {
-  const Pass pass = n % 2 == 1 ? iterate : iterate_back;
+std::array<float, 4> ImplicitLatticeStep::numbers_of(std::size_t n) const {
   const auto& [momentum, rate] = plan_.iterations[n];
   const auto first_rate = static_cast<float>(plan_.iterations[0].rate);
   // Until they are written once, the first correction is scaled as it is read.
-  passes[pass]->set(arguments_.gravity,
-                    std::array<float, 4>{static_cast<float>(momentum), static_cast<float>(rate),
-                                         n == 1 ? first_rate : 0.0F, n == 2 ? first_rate : 0.0F});
-  run(pass, slab);
+  return {static_cast<float>(momentum), static_cast<float>(rate), n == 1 ? first_rate : 0.0F,
+          n == 2 ? first_rate : 0.0F};
 }
 
 void ImplicitLatticeStep::run_step(double step_s, double time_s, const Kernels& passes, std::size_t slabs,
-                                   const Run& run) {
-  if (parameters_.beat_amplitude != 0.0) set_rest_scale(rest_scale_at(parameters_, time_s + step_s), passes);
+                                   const Run& run, const Iterate& iterate_all) {
+  const double scale = rest_scale_at(parameters_, time_s + step_s);
+  if (parameters_.beat_amplitude != 0.0) set_rest_scale(scale, passes);
   staggered(3, slabs, [&](std::size_t n, std::size_t slab) { run(static_cast<Pass>(load + n), slab); });
   largest_of_parts_.run(parts, 1);
   largest_of_all_.run(1, 1);
   const std::size_t count = plan_.iterations.size();
-  for (std::size_t first = 1; first < count; first += together)
-    staggered(std::min(together, count - first), slabs,
-              [&](std::size_t n, std::size_t slab) { run_iteration(first + n, slab, passes, run); });
+  if (iterate_all) {
+    std::vector<std::array<float, 4>> numbers;
+    for (std::size_t n = 1; n < count; ++n) numbers.push_back(numbers_of(n));
+    iterate_all(numbers, scale);
+  } else {
+    for (std::size_t first = 1; first < count; first += together)
+      staggered(std::min(together, count - first), slabs, [&](std::size_t n, std::size_t slab) {
+        const Pass pass = (first + n) % 2 == 1 ? iterate : iterate_back;
+        passes[pass]->set(arguments_.gravity, numbers_of(first + n));
+        run(pass, slab);
+      });
+  }
   advance_.run(lattice_.segments);
 }
 

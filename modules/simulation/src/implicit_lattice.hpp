@@ -32,6 +32,9 @@ class ImplicitLatticeStep {
   };
   using Kernels = std::vector<compute::Kernel*>;       ///< of the passes
   using Run = std::function<void(Pass, std::size_t)>;  ///< launches a slab of a pass
+  /// All iterations of a step, as the passes' gravity argument has them; odd ones
+  /// are `iterate`, beginning with that, even ones `iterate_back`. Empty: run() takes them.
+  using Iterate = std::function<void(const std::vector<std::array<float, 4>>&, double rest_scale)>;
 
   ImplicitLatticeStep(compute::KernelLibrary& library, const Lattice& lattice, const Arguments& arguments,
                       const ImplicitSpread& spread);
@@ -43,10 +46,11 @@ class ImplicitLatticeStep {
   void begin_steps(const Parameters& parameters, const std::array<float, 4>& gravity, double step_s,
                    const Kernels& passes, const compute::Buffer& state, const compute::Buffer& freedom,
                    const compute::Buffer& loads, const std::array<const compute::Buffer*, 2>& corrections);
-  void run_step(double step_s, double time_s, const Kernels& passes, std::size_t slabs, const Run& run);
+  void run_step(double step_s, double time_s, const Kernels& passes, std::size_t slabs, const Run& run,
+                const Iterate& iterate = {});
 
  private:
-  void run_iteration(std::size_t n, std::size_t slab, const Kernels& passes, const Run& run) const;
+  std::array<float, 4> numbers_of(std::size_t iteration) const;
   void set_rest_scale(double scale, const Kernels& passes) const;
 
   Lattice lattice_;

@@ -18,7 +18,9 @@ constexpr std::size_t lanes_in_slab = 800;
 
 enum Argument : unsigned {
   states_argument,
-  waiting_argument = 4,
+  second_argument = 4,
+  third_argument,
+  waiting_argument,
   rest_argument,
   rows_argument,
   entries_argument,
@@ -44,7 +46,6 @@ enum Argument : unsigned {
   stiffness_argument,
   damping_argument,
   drag_argument,
-  gravity_argument,
   over_mass_argument,
   step_x_argument
 };
@@ -95,13 +96,15 @@ std::size_t LatticeMarch::bytes() const noexcept {
 }
 
 void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::string>& defines,
-                       const Arrays& arrays, const Parameters& p, const Eigen::Vector3d& gravity_mm_per_s2) {
+                       const Arrays& arrays, const Numbers& numbers) {
   auto found = kernels_.find(defines);
   if (found == kernels_.end())
     found = kernels_.emplace(defines, library.build("lattice_march.cl", "march", defines)).first;
   compute::Kernel& kernel = found->second;
   for (unsigned n = 0; n < arrays.states.size(); ++n)
     kernel.set(states_argument + n, arrays.states[n] != nullptr ? *arrays.states[n] : *arrays.states[0]);
+  kernel.set(second_argument, arrays.second != nullptr ? *arrays.second : *arrays.states[0]);
+  kernel.set(third_argument, arrays.third != nullptr ? *arrays.third : *arrays.states[0]);
   kernel.set(waiting_argument, *arrays.waiting);
   kernel.set(rest_argument, *arrays.rest);
   kernel.set(rows_argument, *arrays.rows);
@@ -118,19 +121,25 @@ void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::s
   kernel.set(slab_count_argument, slab_count);
   kernel.set(chunk_count_argument, static_cast<std::uint32_t>(schedule_.bands.size()));
   kernel.set(chunks_in_slab_argument, chunks_in_slab_);
-  // The stages of RK4 are not alike; in one queue they share the cores better.
-  kernel.set(queues_argument, p.integrator == Integrator::rk4 ? 1U : 2U);
+  kernel.set(queues_argument, 2U);
   kernel.set(stride_argument, std::max(least_stride, slab_count));
   kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
-  kernel.set(stiffness_argument, static_cast<float>(p.stiffness_per_s2));
-  kernel.set(damping_argument, static_cast<float>(p.damping_per_s / 4.0));
-  kernel.set(drag_argument, static_cast<float>(p.drag_per_s));
-  kernel.set(gravity_argument, float4(gravity_mm_per_s2));
-  kernel.set(over_mass_argument, static_cast<float>(1.0 / p.mass));
+  kernel.set(stiffness_argument, static_cast<float>(numbers.stiffness));
+  kernel.set(damping_argument, static_cast<float>(numbers.damping));
+  kernel.set(drag_argument, static_cast<float>(numbers.drag));
+  kernel.set(over_mass_argument, static_cast<float>(1.0 / numbers.mass));
   for (unsigned axis = 0; axis < 3; ++axis)
     kernel.set(step_x_argument + axis, float4(layout_.steps_mm[axis]));
   kernel_ = &kernel;
+}
+
+void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::string>& defines,
+                       const Arrays& arrays, const Parameters& p, const Eigen::Vector3d& gravity_mm_per_s2) {
+  use(library, defines, arrays, Numbers{p.stiffness_per_s2, p.damping_per_s / 4.0, p.drag_per_s, p.mass});
+  // The stages of RK4 are not alike; in one queue they share the cores better.
+  if (p.integrator == Integrator::rk4) kernel_->set(queues_argument, 1U);
   parameters_ = p;
+  gravity_ = float4(gravity_mm_per_s2);
 }
 
 void LatticeMarch::set_freedom(const compute::Buffer& freedom, bool all_free) {
@@ -139,46 +148,55 @@ void LatticeMarch::set_freedom(const compute::Buffer& freedom, bool all_free) {
   kernel_->set(all_free_argument, all_free ? 1U : 0U);
 }
 
-void LatticeMarch::write_passes(int count, double step_s, double time_s, bool is_beside) {
+void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) {
   const Parameters& p = parameters_;
   const std::vector<Pass> forward = passes_of(p.integrator);
   const bool alternates = ends_beside(p.integrator);
   const bool beats = p.beat_amplitude != 0.0;
   const int steps = beats ? count : alternates ? 2 : 1;
-  std::vector<Float4> table;
+  std::vector<NumberedPass> table;
   for (int step = 0; step < steps; ++step)
     for (const Pass& pass : alternates&& is_beside != (step % 2 == 1) ? back(forward) : forward) {
       const double scale = rest_scale_at(p, beats ? time_s + (step + pass.at) * step_s : 0.0);
       const double half = 0.5 * scale * p.stiffness_per_s2;
-      table.push_back({as_float(static_cast<std::uint32_t>(pass.source)),
-                       as_float(static_cast<std::uint32_t>(pass.base)),
-                       as_float(static_cast<std::uint32_t>(pass.target)),
-                       as_float(static_cast<std::uint32_t>(pass.mode))});
-      table.push_back({static_cast<float>(pass.h * step_s),
+      table.push_back({pass, static_cast<float>(pass.h * step_s),
                        static_cast<float>(half * static_cast<double>(layout_.rest_quantum_mm)),
                        static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)),
-                       static_cast<float>(beats ? scale : 1.0)});
+                       static_cast<float>(scale), gravity_});
     }
-  if (table.size() == passes_written_.size() &&
-      std::memcmp(table.data(), passes_written_.data(), table.size() * sizeof(Float4)) == 0)
-    return;
-  // What is queued still reads the old one; writing waits for it.
-  if (passes_.bytes() < table.size() * sizeof(Float4)) {
-    device_.finish();
-    passes_ = buffer_of(device_, table);
-  } else {
-    passes_.write(table.data(), table.size() * sizeof(Float4));
-  }
-  passes_written_ = std::move(table);
+  run(table, static_cast<std::size_t>(count) * forward.size());
 }
 
-void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) {
-  write_passes(count, step_s, time_s, is_beside);
+void LatticeMarch::run(const std::vector<NumberedPass>& table, std::size_t count) {
+  if (count == 0) return;
+  write(table);
   kernel_->set(passes_argument, passes_);
-  const std::size_t passes = static_cast<std::size_t>(count) * passes_of(parameters_.integrator).size();
-  kernel_->set(pass_count_argument, static_cast<std::uint32_t>(passes));
-  kernel_->set(period_argument, static_cast<std::uint32_t>(passes_written_.size() / 2));
+  kernel_->set(pass_count_argument, static_cast<std::uint32_t>(count));
+  kernel_->set(period_argument, static_cast<std::uint32_t>(table.size()));
   kernel_->run(trash_segments(device_), 1);
+}
+
+void LatticeMarch::write(const std::vector<NumberedPass>& table) {
+  std::vector<Float4> numbers;
+  for (const NumberedPass& each : table) {
+    const auto& [mode, h, at, source, base, target] = each.pass;
+    numbers.push_back(
+        {as_float(static_cast<std::uint32_t>(source)), as_float(static_cast<std::uint32_t>(base)),
+         as_float(static_cast<std::uint32_t>(target)), as_float(static_cast<std::uint32_t>(mode))});
+    numbers.push_back({each.h, each.rest_scale, each.rest_offset, each.length_scale});
+    numbers.push_back(each.gravity);
+  }
+  const std::size_t bytes = numbers.size() * sizeof(Float4);
+  if (numbers.size() == passes_written_.size() &&
+      std::memcmp(numbers.data(), passes_written_.data(), bytes) == 0)
+    return;
+  if (passes_.bytes() < bytes) {
+    device_.finish();  // what is queued still reads the old one
+    passes_ = buffer_of(device_, numbers);
+  } else {
+    passes_.write(numbers.data(), bytes);  // in its turn
+  }
+  passes_written_ = std::move(numbers);
 }
 
 }  // namespace palpate::simulation

@@ -29,6 +29,8 @@ class LatticeMarch {
 
   struct Arrays {
     std::array<const compute::Buffer*, 4> states{};  ///< y, s2, s3, s4; null where there is none
+    const compute::Buffer* second = nullptr;         ///< of kernels/lattice.cl; null where no pass reads it
+    const compute::Buffer* third = nullptr;
     const compute::Buffer* waiting = nullptr;
     const compute::Buffer* rest = nullptr;
     const compute::Buffer* rows = nullptr;
@@ -36,15 +38,37 @@ class LatticeMarch {
     const compute::Buffer* overflow = nullptr;
     const compute::Buffer* factors = nullptr;
   };
-  /// For the steps to come. gravity in the lattice's frame. Throws Error(device).
+  /// What the kernel takes of the parameters, in its units.
+  struct Numbers {
+    double stiffness = 0.0;
+    double damping = 0.0;
+    double drag = 0.0;
+    double mass = 1.0;
+  };
+  /// Explicit steps to come. gravity in the lattice's frame. Throws Error(device).
   void use(compute::KernelLibrary& library, const std::vector<std::string>& defines, const Arrays& arrays,
            const Parameters& parameters, const Eigen::Vector3d& gravity_mm_per_s2);
+  /// Passes to come that the caller lists. Throws Error(device).
+  void use(compute::KernelLibrary& library, const std::vector<std::string>& defines, const Arrays& arrays,
+           const Numbers& numbers);
   void set_freedom(const compute::Buffer& freedom, bool all_free);
   /// Queues `count` steps, at most most_steps.
   void run(int count, double step_s, double time_s, bool is_beside);
 
+  /// A pass as the kernel reads it: its pass, and rest lengths and gravity as kernels/lattice.cl takes them.
+  struct NumberedPass {
+    Pass pass;
+    float h = 0.0F;
+    float rest_scale = 0.0F;
+    float rest_offset = 0.0F;
+    float length_scale = 1.0F;
+    Float4 gravity{};
+  };
+  /// Queues `count` passes, which are those of the table again and again.
+  void run(const std::vector<NumberedPass>& table, std::size_t count);
+
  private:
-  void write_passes(int count, double step_s, double time_s, bool is_beside);
+  void write(const std::vector<NumberedPass>& table);
 
   const LatticeLayout& layout_;
   compute::Device device_;
@@ -54,6 +78,7 @@ class LatticeMarch {
   std::map<std::vector<std::string>, compute::Kernel> kernels_;  ///< by their defines
   compute::Kernel* kernel_ = nullptr;
   Parameters parameters_;
+  Float4 gravity_{};
   std::vector<Float4> passes_written_;
 };
 

@@ -3,6 +3,7 @@
 #include "device_solver.hpp"
 #include "implicit_lattice.hpp"
 #include "lattice_arguments.hpp"
+#include "lattice_health.hpp"
 #include "lattice_layout.hpp"
 #include "lattice_march.hpp"
 #include "lattice_passes.hpp"
@@ -24,7 +25,6 @@ namespace {
 using compute::Buffer;
 using compute::Kernel;
 
-constexpr std::size_t health_items = 256;
 // The four states of a slab fit the second-level caches of two cores; a launch
 // costs as much as some hundred lanes.
 constexpr std::size_t lanes_in_slab = 24576;
@@ -97,31 +97,13 @@ class LatticeSolver final : public DeviceSolver {
     start();
   }
 
-  Health health() override {
-    const std::size_t share = (layout_.segments + health_items - 1) / health_items;
-    health_.set_all(state_buffer(), rest_positions_, partials_, static_cast<std::uint32_t>(layout_.segments),
-                    static_cast<std::uint32_t>(share), static_cast<std::uint32_t>(health_items));
-    health_.run(health_items, 1);
-    Float4 worst{};
-    partials_.visit([&](const void* data) {
-      const auto* values = static_cast<const float*>(data);
-      for (std::size_t n = 0; n < 4 * health_items; ++n) worst[n % 4] = std::max(worst[n % 4], values[n]);
-    });
-    return {worst[2] == 0.0F, std::sqrt(worst[0]), std::sqrt(worst[1])};
-  }
+  Health health() override { return health_->of(state_buffer(), rest_positions_); }
 
   LinkHealth link_health() override {
     const Parameters& p = parameters();
-    const std::size_t share = (layout_.segments + health_items - 1) / health_items;
-    link_health_.set_all(state_buffer(), freedom_, factors_ ? factors_ : freedom_, rest_, rows_,
-                         overflow_begins_, overflow_, link_sums_, partials_,
-                         static_cast<std::uint32_t>(layout_.segments), static_cast<std::uint32_t>(share),
-                         static_cast<std::uint32_t>(health_items), layout_.rest_quantum_mm,
-                         layout_.rest_offset_mm, static_cast<float>(rest_scale_at(p, time_s())),
-                         float4(from_lps(p.gravity_mm_per_s2)));
-    for (unsigned axis = 0; axis < 3; ++axis) link_health_.set(16 + axis, float4(layout_.steps_mm[axis]));
-    link_health_.run(health_items, 1);
-    return link_health_of_sums();
+    return health_->of_links(
+        state_buffer(), {freedom_, factors_ ? factors_ : freedom_, rest_, rows_, overflow_begins_, overflow_},
+        p, rest_scale_at(p, time_s()), from_lps(p.gravity_mm_per_s2));
   }
 
   void set_links_alive(const std::vector<std::uint32_t>& links, bool alive) override {
@@ -151,29 +133,26 @@ class LatticeSolver final : public DeviceSolver {
   std::string layout_reason() const override { return reason_; }
   std::size_t bytes() const override {
     std::size_t sum = list_bytes();
-    for (const Buffer* buffer : {&y_,
-                                 &s2_,
-                                 &s3_,
-                                 &s4_,
-                                 &snapshot_,
-                                 &rest_positions_,
-                                 &waiting_,
-                                 &rest_,
-                                 &rows_,
-                                 &origins_,
-                                 &entries_,
-                                 &chunks_,
-                                 &overflow_begins_,
-                                 &overflow_,
-                                 &freedom_,
-                                 &factors_,
-                                 &lane_of_point_,
-                                 &published_,
-                                 &partials_,
-                                 &link_sums_})
+    for (const Buffer* buffer : {&y_, &s2_, &s3_, &s4_, &snapshot_, &rest_positions_, &waiting_, &rest_,
+                                 &rows_, &origins_, &entries_, &chunks_, &overflow_begins_, &overflow_,
+                                 &freedom_, &factors_, &lane_of_point_, &published_})
       sum += buffer->bytes();
+    sum += health_->bytes();
     if (implicit_) sum += implicit_->bytes();
     if (march_) sum += march_->bytes();
+    return sum;
+  }
+
+  std::size_t bytes_per_step() const override {
+    std::size_t sum = 0;  // none of implicit Euler, whose passes depend on the step
+    for (const Pass& pass : passes_of(parameters_in_use_.integrator)) {
+      const std::size_t states = (pass.base == pass.source ? 2 : 3) + (pass.mode == Mode::finish_rk4 ? 2 : 0);
+      // Forces wait in three of the six vectors of a state, written and read.
+      sum += states * y_.bytes() + y_.bytes() + rest_.bytes() + rows_.bytes() +
+             layout_.segments * sizeof(std::uint64_t);
+      if (!is_all_free()) sum += freedom_.bytes();
+      if (factors_) sum += factors_.bytes();
+    }
     return sum;
   }
 
@@ -210,6 +189,7 @@ class LatticeSolver final : public DeviceSolver {
     if (parameters_in_use_.integrator == Integrator::implicit_euler) {
       implicit_->begin_steps(parameters_in_use_, float4(from_lps(parameters_in_use_.gravity_mm_per_s2)),
                              step_s, kernels_of(*scheme_), y_, freedom_, s4_, {&s2_, &s3_});
+      if (march_) march_implicitly(step_s);
       return;
     }
     for (auto* list : {&scheme_->stages, &scheme_->back})
@@ -341,29 +321,27 @@ class LatticeSolver final : public DeviceSolver {
     overflow_ = buffer_of(device(), layout_.overflow);
     lane_of_point_ = buffer_of(device(), layout_.lane_of_point);
     published_ = Buffer::allocate(device(), std::max<std::size_t>(1, point_count()) * sizeof(Float4));
-    partials_ = Buffer::allocate(device(), health_items * sizeof(Float4));
-    link_sums_ = Buffer::allocate(device(), 4 * health_items * layout_.lanes * sizeof(float));
+    Eigen::Vector3d weight_of_sites = Eigen::Vector3d::Zero();  // mm, by mass factor
     std::vector<float> factors;
     if (material().is_scaled()) factors.assign((layout_.segments + 2) * layout_.lanes, 1.0F);
     for (std::size_t point = 0; point < point_count(); ++point) {
       const std::uint32_t lane = layout_.lane_of_point[point];
       if (!factors.empty()) factors[lane] = material().factors[point];
       const bool is_scaled = material().is_scaled() && material().scales_mass;
-      weight_of_sites_ +=
+      weight_of_sites +=
           (is_scaled ? static_cast<double>(material().factors[point]) : 1.0) * layout_.site_mm(lane);
     }
     if (!factors.empty()) factors_ = buffer_of(device(), factors);
+    std::vector<std::string> health_defines = scaling_defines_of(material());
+    health_defines.push_back("LANES=" + std::to_string(layout_.lanes));
+    health_defines.push_back(slots_define());
+    health_ = std::make_unique<LatticeHealth>(library_, layout_, health_defines, weight_of_sites);
   }
 
   void build() {
     const std::vector<std::string> defines{"LANES=" + std::to_string(layout_.lanes)};
     publish_ = library_.build("lattice_points.cl", "publish", defines);
     grab_ = library_.build("lattice_points.cl", "grab", defines);
-    health_ = library_.build("lattice_points.cl", "health", defines);
-    std::vector<std::string> health_defines = scaling_defines_of(material());
-    health_defines.push_back(defines.front());
-    health_defines.push_back(slots_define());
-    link_health_ = library_.build("lattice_health.cl", "link_health", health_defines);
     publish_.set(1, lane_of_point_);
     publish_.set(2, origins_);
     publish_.set(3, published_);
@@ -426,8 +404,7 @@ class LatticeSolver final : public DeviceSolver {
     return march_ != nullptr && p.integrator != Integrator::implicit_euler;
   }
 
-  void use_march(const Parameters& p) {
-    need_states(p.integrator);
+  LatticeMarch::Arrays march_arrays() const {
     LatticeMarch::Arrays arrays;
     arrays.states = {&y_, &s2_, s3_ ? &s3_ : nullptr, s4_ ? &s4_ : nullptr};
     arrays.waiting = &waiting_;
@@ -436,6 +413,41 @@ class LatticeSolver final : public DeviceSolver {
     arrays.overflow_begins = &overflow_begins_;
     arrays.overflow = &overflow_;
     arrays.factors = factors_ ? &factors_ : &origins_;
+    return arrays;
+  }
+
+  /// For the iterations of implicit steps, whose loads are s4 and whose corrections s2 and s3.
+  void march_implicitly(double step_s) {
+    LatticeMarch::Arrays arrays = march_arrays();
+    arrays.second = &s4_;
+    arrays.third = &implicit_->largest();
+    const Parameters& p = parameters_in_use_;
+    march_->use(
+        library_, defines(ImplicitLatticeStep::define_of(ImplicitLatticeStep::Pass::iterate)), arrays,
+        {step_s * step_s * p.stiffness_per_s2, step_s * p.damping_per_s, step_s * p.drag_per_s, p.mass});
+    march_->set_freedom(freedom_, is_all_free());
+  }
+
+  void iterate(const std::vector<std::array<float, 4>>& iterations, double step_s, double rest_scale) {
+    std::vector<LatticeMarch::NumberedPass> table;
+    for (std::size_t n = 0; n < iterations.size(); ++n) {
+      const bool goes = n % 2 == 0;
+      table.push_back({{Mode::from_source, 1.0, 1.0, goes ? Stored::s2 : Stored::s3, Stored::y,
+                        goes ? Stored::s3 : Stored::s2},
+                       static_cast<float>(step_s),
+                       static_cast<float>(rest_scale * static_cast<double>(layout_.rest_quantum_mm)),
+                       static_cast<float>(rest_scale * static_cast<double>(layout_.rest_offset_mm)),
+                       static_cast<float>(rest_scale),
+                       iterations[n]});
+    }
+    march_->run(table, table.size());
+  }
+
+  void use_march(const Parameters& p) {
+    need_states(p.integrator);
+    LatticeMarch::Arrays arrays = march_arrays();
+    arrays.second = &s2_;
+    arrays.third = s3_ ? &s3_ : nullptr;
     march_->use(library_, defines(), arrays, p, from_lps(p.gravity_mm_per_s2));
   }
 
@@ -537,34 +549,6 @@ class LatticeSolver final : public DeviceSolver {
     stage.kernel.set(length_scale_argument, static_cast<float>(scale));
   }
 
-  LinkHealth link_health_of_sums() const {
-    const Parameters& p = parameters();
-    LinkHealth result;
-    double weight = weight_of_sites_.dot(p.gravity_mm_per_s2);
-    double elastic = 0.0;
-    float rate = 0.0F;
-    link_sums_.visit([&](const void* data) {
-      const auto* values = static_cast<const float*>(data);
-      for (std::size_t n = 0; n < 4 * health_items * layout_.lanes; ++n) {
-        const std::size_t which = n / layout_.lanes % 4;
-        if (which == 0) result.kinetic += 0.5 * p.mass * static_cast<double>(values[n]);
-        if (which == 1) weight += static_cast<double>(values[n]);
-        if (which == 2) elastic += static_cast<double>(values[n]);
-        if (which == 3) rate = std::max(rate, values[n]);
-      }
-    });
-    partials_.visit([&](const void* data) {
-      const auto* values = static_cast<const float*>(data);
-      for (std::size_t n = 0; n < health_items; ++n) {
-        elastic += static_cast<double>(values[4 * n]);
-        rate = std::max(rate, values[4 * n + 1]);
-      }
-    });
-    result.potential = 0.5 * p.stiffness_per_s2 * elastic - p.mass * weight;
-    result.max_strain_rate_per_s = rate;
-    return result;
-  }
-
   void launch(Stage& stage, std::size_t slab) {
     const auto& [first, count] = schedule_.slabs[slab];
     stage.kernel.set(first_chunk_argument, first);
@@ -591,17 +575,13 @@ class LatticeSolver final : public DeviceSolver {
   Buffer factors_;
   Buffer lane_of_point_;
   Buffer published_;
-  Buffer partials_;
   Kernel publish_;
   Kernel grab_;
-  Kernel health_;
-  Kernel link_health_;
-  Buffer link_sums_;
+  std::unique_ptr<LatticeHealth> health_;
   std::map<std::pair<Integrator, bool>, Scheme> schemes_;  ///< with or without damping
   Scheme* scheme_ = nullptr;
   std::unique_ptr<ImplicitLatticeStep> implicit_;  ///< made when it is first asked for
   bool is_undamped_ = false;
-  Eigen::Vector3d weight_of_sites_ = Eigen::Vector3d::Zero();  ///< sum of mass factor and site
   Parameters parameters_in_use_;
   bool is_beside_ = false;
   bool all_free_ = true;

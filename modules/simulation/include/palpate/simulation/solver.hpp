@@ -107,7 +107,8 @@ class Solver {
   virtual std::string layout() const = 0;                   ///< "lattice" or "explicit"
   virtual std::string layout_reason() const { return {}; }  ///< for people: why this layout
   virtual std::size_t bytes() const = 0;                    ///< of device memory
-  /// What the launches of one step read and write, each array once a launch; 0 if unknown.
+  /// What the passes of one step read and write, each array once a pass, wherever
+  /// it is cached; 0 if unknown.
   virtual std::size_t bytes_per_step() const { return 0; }
 
  protected:
