@@ -238,7 +238,7 @@ TEST_F(LatticeSolver, ManyStepsInOneLaunchAreTheSameAsALaunchForEveryStage) {
     all.push_back(with(integrator));
   // One slab that two cores share, a sheet, fewer slabs than passes at once, and many.
   for (const auto& dims :
-       {std::array{6, 6, 6}, std::array{40, 40, 1}, std::array{30, 40, 4}, std::array{20, 24, 60}}) {
+       {std::array{6, 6, 6}, std::array{40, 40, 1}, std::array{30, 40, 4}, std::array{20, 12, 60}}) {
     const auto tissue = box_tissue(dims);
     for (const Parameters& parameters : all) {
       std::vector<State> results;
@@ -246,7 +246,7 @@ TEST_F(LatticeSolver, ManyStepsInOneLaunchAreTheSameAsALaunchForEveryStage) {
         const auto solver = simulation::make_opencl_solver(device(), tissue, parameters,
                                                            {0, LayoutChoice::lattice, launches_every_stage});
         go_through_everything(*solver, disturbed(*solver, 0.05, 10.0), 0.0007);
-        for (const int steps : {1, 2, 131, 3}) solver->step(steps, 0.0007);
+        for (const int steps : {1, 2, 67, 3}) solver->step(steps, 0.0007);
         results.push_back(solver->state());
       }
       const std::string which = std::to_string(dims[2]) + " planes, " + to_string(parameters.integrator);
