@@ -58,7 +58,8 @@ __attribute__((always_inline)) Vector force_of(const Place a, const Place b, con
 #endif
   const Lanes stretch = 1.0f - rest_length * inverse;
   const Lanes part = min(fabs(stretch), (Lanes)(1.0f));
-  const Truth acts = steps != (Whole)(0u);  // else no link, or a cut one
+  // Else no link, or a cut one, or its ends are at one place.
+  const Truth acts = (steps != (Whole)(0u)) & (squared > 2e-12f);
   const Lanes across = acts ? k * part : (Lanes)(0.0f);
   const Lanes along = acts ? ((k + c) - k * part) * (inverse * inverse) : (Lanes)(0.0f);
 #if IMPLICIT == 2

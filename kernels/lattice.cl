@@ -43,7 +43,7 @@
 // every sum has one order.
 // Preconditions: segment 0 and the one after the last are zero; a chunk ends with
 // an entry without flags, which only completes the one before it; chunks of a
-// launch own different rows; launches go through the slabs in order.
+// launch own different rows; launches, or the tasks of lattice_march.cl, go through the slabs in order.
 // CPU twin: simulation::make_reference_solver.
 #include "lanes.cl"
 

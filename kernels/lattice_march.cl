@@ -17,7 +17,7 @@
 // Symbols     arguments                    units
 //   y S2 S3 S4                             as lattice.cl's source and target
 //   passes    three float4 a pass: (source, base, target as 0 .. 3, mode; bits of uint),
-//             (h, k q, k o, beat's scale) and gravity; pass n is entry n mod `period`
+//             (h, k q, k o, beat's scale) and gravity; pass n is entry n + first_pass, mod `period`
 //   slabs     first chunk, chunks
 //   needs     chunks, from needs_begins of a chunk; the top bit: this pass too
 //   progress  zero before and after, 16 numbers each: groups that came and left;
@@ -59,9 +59,10 @@ __kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, _
                     __global const uint* restrict needs_begins, __global const uint* restrict needs,
                     volatile __global uint* progress, __global const float4* restrict passes,
                     const uint slab_count, const uint chunk_count, const uint chunks_in_slab, const uint queues,
-                    const uint stride, const uint pass_count, const uint period, const uint first_trash, const uint all_free,
-                    const float stiffness, const float damping, const float drag, const float over_mass,
-                    const float4 step_x, const float4 step_y, const float4 step_z) {
+                    const uint stride, const uint pass_count, const uint first_pass, const uint period,
+                    const uint first_trash, const uint all_free, const float stiffness, const float damping,
+                    const float drag, const float over_mass, const float4 step_x, const float4 step_y,
+                    const float4 step_z) {
   const uint trash = first_trash + get_global_id(0);
   const uint each = PASSES_AT_ONCE / queues;  // passes of a diagonal in a queue
   const uint fours = (pass_count + PASSES_AT_ONCE - 1) / PASSES_AT_ONCE;
@@ -99,7 +100,7 @@ __kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, _
     if (atomic_cmpxchg(taken + APART * queue, task, task + 1) != task || !is_one) continue;
     looks = 0;
     SEE_OTHERS();
-    __global const float4* numbered = passes + 3 * (pass % period);
+    __global const float4* numbered = passes + 3 * ((pass + first_pass) % period);
     const uint4 names = as_uint4(numbered[0]);
     const float4 numbers = numbered[1];
     walk(state_named(names.x, y, s2, s3, s4), state_named(names.y, y, s2, s3, s4), second, third,

@@ -11,6 +11,22 @@ Float4 float4(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.0F};
 }
 
+unsigned checked_points_per_item(unsigned wanted) {
+  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
+  throw core::Error(core::ErrorKind::internal, "points-per-item",
+                    "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
+}
+
+std::vector<std::string> scaling_defines_of(const Material& material) {
+  std::vector<std::string> defines;
+  if (!material.is_scaled()) return defines;
+  if (material.scales_stiffness) defines.emplace_back("SCALED_STIFFNESS");
+  if (material.scales_damping) defines.emplace_back("SCALED_DAMPING");
+  if (material.scales_drag) defines.emplace_back("SCALED_DRAG");
+  if (material.scales_mass) defines.emplace_back("SCALED_MASS");
+  return defines;
+}
+
 DeviceSolver::DeviceSolver(const compute::Device& device, std::shared_ptr<const model::Tissue> tissue_given,
                            const Parameters& parameters, const Material& material)
     : Solver(std::move(tissue_given), material),

@@ -22,6 +22,11 @@ compute::Buffer buffer_of(const compute::Device& device, const std::vector<Value
   return compute::Buffer::copy_of(device, values.data(), values.size() * sizeof(Value));
 }
 
+/// Throws Error(internal) for what is not 1, 4, 8 or 16.
+unsigned checked_points_per_item(unsigned wanted);
+/// What the kernels are told of a material that is not alike everywhere.
+std::vector<std::string> scaling_defines_of(const Material& material);
+
 /// Points that are moved by hand, on the device.
 struct PointList {
   std::size_t count = 0;
@@ -64,7 +69,7 @@ class DeviceSolver : public Solver {
   // Hooks. Calls of one batch: begin_steps, then run_steps or, while a grab
   // moves, per step run_steps and move_points; end_steps.
 
-  /// Takes new parameters for the steps to come (at `time_s`, for a beat).
+  /// Takes new parameters for the steps to come.
   /// Throws Error(usage), and changes nothing, where the layout cannot.
   virtual void use(const Parameters& parameters) = 0;
   /// 1 - selectance of every point, 0 for an anchor: the factor of its derivative.

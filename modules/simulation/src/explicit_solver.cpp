@@ -34,19 +34,7 @@ unsigned points_per_item(const compute::Device& device, const OpenclOptions& opt
     // Sixteen run out of registers: 20 % slower than eight where the width is sixteen.
     return width >= 8 ? 8 : width >= 4 ? 4 : 1;
   }
-  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
-  throw core::Error(core::ErrorKind::internal, "points-per-item",
-                    "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
-}
-
-std::vector<std::string> scaling_defines_of(const Material& material) {
-  std::vector<std::string> defines;
-  if (material.factors.empty()) return defines;
-  if (material.scales_stiffness) defines.emplace_back("SCALED_STIFFNESS");
-  if (material.scales_damping) defines.emplace_back("SCALED_DAMPING");
-  if (material.scales_drag) defines.emplace_back("SCALED_DRAG");
-  if (material.scales_mass) defines.emplace_back("SCALED_MASS");
-  return defines;
+  return checked_points_per_item(wanted);
 }
 
 /// A kernel of explicit.cl and the part of a step that it stands for.
@@ -164,15 +152,16 @@ class ExplicitSolver final : public DeviceSolver {
 
  protected:
   void use(const Parameters& parameters) override {
-    is_implicit_ = parameters.integrator == Integrator::implicit_euler;
-    if (is_implicit_) {
+    if (parameters.integrator == Integrator::implicit_euler) {
       if (!implicit_)
         implicit_ = std::make_unique<ImplicitExplicitStep>(library_, a_, step_defines(),
                                                            implicit_spread(tissue(), material()));
       implicit_->use(parameters);
+      is_implicit_ = true;
       return;
     }
     Scheme& scheme = scheme_of(parameters.integrator);
+    is_implicit_ = false;
     const double per_mass = 1.0 / parameters.mass;
     stiffness_ = parameters.stiffness_per_s2 * per_mass;
     for (auto* launches : {&scheme.launches, &scheme.back})
@@ -183,7 +172,7 @@ class ExplicitSolver final : public DeviceSolver {
         launch.kernel.set(launch.next + 8, float4(parameters.gravity_mm_per_s2));
       }
     scheme_ = &scheme;
-    beat_ = parameters;
+    explicit_in_use_ = parameters;
     if (scheme.is_warm || point_count() == 0) return;
     // Drivers finish the compiling of a kernel at its first launch; that wait
     // belongs here, not into the next picture. A step of no time changes nothing.
@@ -219,9 +208,10 @@ class ExplicitSolver final : public DeviceSolver {
       return;
     }
     for (auto& launch : is_beside_ ? scheme_->back : scheme_->launches) {
-      if (beat_.beat_amplitude != 0.0)
-        launch.kernel.set(launch.next + 5,
-                          static_cast<float>(stiffness_ * rest_scale_at(beat_, time_s + launch.at * step_s)));
+      if (explicit_in_use_.beat_amplitude != 0.0)
+        launch.kernel.set(
+            launch.next + 5,
+            static_cast<float>(stiffness_ * rest_scale_at(explicit_in_use_, time_s + launch.at * step_s)));
       launch.kernel.run(a_.stride / a_.points_per_item, step_group);
     }
     if (!scheme_->back.empty()) is_beside_ = !is_beside_;
@@ -388,7 +378,7 @@ class ExplicitSolver final : public DeviceSolver {
   bool is_implicit_ = false;
   bool is_beside_ = false;  ///< within a batch: the state is in s2
   double stiffness_ = 0.0;  ///< k/m
-  Parameters beat_;
+  Parameters explicit_in_use_;
   Kernel set_rest_lengths_;
   Kernel grab_;
   Kernel health_;

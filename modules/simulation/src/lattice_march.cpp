@@ -40,6 +40,7 @@ enum Argument : unsigned {
   queues_argument,
   stride_argument,
   pass_count_argument,
+  first_pass_argument,
   period_argument,
   first_trash_argument,
   all_free_argument,
@@ -154,9 +155,11 @@ void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) 
   const bool alternates = ends_beside(p.integrator);
   const bool beats = p.beat_amplitude != 0.0;
   const int steps = beats ? count : alternates ? 2 : 1;
+  // Without a beat the table is the same for every launch, and need not be written.
+  const auto turns = [&](int step) { return alternates && (beats && is_beside) != (step % 2 == 1); };
   std::vector<NumberedPass> table;
   for (int step = 0; step < steps; ++step)
-    for (const Pass& pass : alternates&& is_beside != (step % 2 == 1) ? back(forward) : forward) {
+    for (const Pass& pass : turns(step) ? back(forward) : forward) {
       const double scale = rest_scale_at(p, beats ? time_s + (step + pass.at) * step_s : 0.0);
       const double half = 0.5 * scale * p.stiffness_per_s2;
       table.push_back({pass, static_cast<float>(pass.h * step_s),
@@ -164,14 +167,15 @@ void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) 
                        static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)),
                        static_cast<float>(scale), gravity_});
     }
-  run(table, static_cast<std::size_t>(count) * forward.size());
+  run(table, static_cast<std::size_t>(count) * forward.size(), !beats && is_beside ? forward.size() : 0);
 }
 
-void LatticeMarch::run(const std::vector<NumberedPass>& table, std::size_t count) {
+void LatticeMarch::run(const std::vector<NumberedPass>& table, std::size_t count, std::size_t first) {
   if (count == 0) return;
   write(table);
   kernel_->set(passes_argument, passes_);
   kernel_->set(pass_count_argument, static_cast<std::uint32_t>(count));
+  kernel_->set(first_pass_argument, static_cast<std::uint32_t>(first));
   kernel_->set(period_argument, static_cast<std::uint32_t>(table.size()));
   kernel_->run(trash_segments(device_), 1);
 }

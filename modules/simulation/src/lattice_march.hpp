@@ -64,8 +64,8 @@ class LatticeMarch {
     float length_scale = 1.0F;
     Float4 gravity{};
   };
-  /// Queues `count` passes, which are those of the table again and again.
-  void run(const std::vector<NumberedPass>& table, std::size_t count);
+  /// Queues `count` passes, which are those of the table again and again, from its `first` on.
+  void run(const std::vector<NumberedPass>& table, std::size_t count, std::size_t first = 0);
 
  private:
   void write(const std::vector<NumberedPass>& table);

@@ -34,12 +34,13 @@ void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t c
   for (std::size_t chunk = 0; chunk < chunks_in_slab; ++chunk) {
     const std::size_t aim = total * (chunk + 1) / chunks_in_slab;
     int y_end = y_begin;
-    // The boundary nearest to the even share.
+    const auto is_empty = [&] { return before[index_of(y_end)] == before[index_of(y_begin)]; };
+    // The boundary nearest to the even share, but not before there is a segment.
     while (y_end < rows_in_plane && before[index_of(y_end)] < aim &&
-           (y_end == y_begin || 2 * aim > before[index_of(y_end)] + before[index_of(y_end) + 1]))
+           (is_empty() || 2 * aim > before[index_of(y_end)] + before[index_of(y_end) + 1]))
       ++y_end;
     if (chunk + 1 == chunks_in_slab) y_end = rows_in_plane;
-    if (y_end == y_begin) continue;
+    if (is_empty()) continue;
     for (int z = z_begin; z < z_end; ++z)
       for (int y = std::max(0, y_begin - 1); y < std::min(rows_in_plane, y_end + 1); ++y) {
         // Row 0 and 2 lie a row on, row 3 a row back.

@@ -1,5 +1,6 @@
 #include "lattice_solver.hpp"
 
+#include "changed_part.hpp"
 #include "device_solver.hpp"
 #include "implicit_lattice.hpp"
 #include "lattice_arguments.hpp"
@@ -14,8 +15,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
+#include <set>
 #include <utility>
 
 namespace palpate::simulation {
@@ -35,34 +36,7 @@ unsigned lanes_for(const compute::Device& device, const OpenclOptions& options) 
     const unsigned width = device.info().float_vector_width;
     return width >= 16 ? 16 : width >= 8 ? 8 : width >= 4 ? 4 : 1;
   }
-  if (wanted == 1 || wanted == 4 || wanted == 8 || wanted == 16) return wanted;
-  throw core::Error(core::ErrorKind::internal, "points-per-item",
-                    "A work-item takes 1, 4, 8 or 16 points, not " + std::to_string(wanted) + ".");
-}
-
-/// The part of an array that was changed.
-struct Changed {
-  std::size_t begin = std::numeric_limits<std::size_t>::max();
-  std::size_t end = 0;
-  void add(std::size_t index) {
-    begin = std::min(begin, index);
-    end = std::max(end, index + 1);
-  }
-  template <typename Value>
-  void write(const std::vector<Value>& values, Buffer& buffer) const {
-    if (begin < end)
-      buffer.write(values.data() + begin, (end - begin) * sizeof(Value), begin * sizeof(Value));
-  }
-};
-
-std::vector<std::string> scaling_defines_of(const Material& material) {
-  std::vector<std::string> defines;
-  if (!material.is_scaled()) return defines;
-  if (material.scales_stiffness) defines.emplace_back("SCALED_STIFFNESS");
-  if (material.scales_damping) defines.emplace_back("SCALED_DAMPING");
-  if (material.scales_drag) defines.emplace_back("SCALED_DRAG");
-  if (material.scales_mass) defines.emplace_back("SCALED_MASS");
-  return defines;
+  return checked_points_per_item(wanted);
 }
 
 /// A pass over the lattice: one launch a slab.
@@ -95,6 +69,7 @@ class LatticeSolver final : public DeviceSolver {
     build();
     write_state(rest);
     start();
+    warm_up();
   }
 
   Health health() override { return health_->of(state_buffer(), rest_positions_); }
@@ -169,6 +144,7 @@ class LatticeSolver final : public DeviceSolver {
       use_in(*scheme_, parameters);
     else if (freedom_)
       march_->set_freedom(freedom_, is_all_free());
+    if (freedom_) warm_up_steps();
   }
 
   void write_freedom(const std::vector<float>& freedom) override {
@@ -212,7 +188,8 @@ class LatticeSolver final : public DeviceSolver {
     if (parameters_in_use_.integrator == Integrator::implicit_euler) {
       implicit_->run_step(
           step_s, time_s, kernels_of(*scheme_), schedule_.slabs.size(),
-          [this](ImplicitLatticeStep::Pass pass, std::size_t slab) { launch(scheme_->stages[pass], slab); });
+          [this](ImplicitLatticeStep::Pass pass, std::size_t slab) { launch(scheme_->stages[pass], slab); },
+          iterate_);
       return;
     }
     auto& stages = is_beside_ ? scheme_->back : scheme_->stages;
@@ -426,6 +403,9 @@ class LatticeSolver final : public DeviceSolver {
         library_, defines(ImplicitLatticeStep::define_of(ImplicitLatticeStep::Pass::iterate)), arrays,
         {step_s * step_s * p.stiffness_per_s2, step_s * p.damping_per_s, step_s * p.drag_per_s, p.mass});
     march_->set_freedom(freedom_, is_all_free());
+    iterate_ = [this, step_s](const auto& iterations, double rest_scale) {
+      iterate(iterations, step_s, rest_scale);
+    };
   }
 
   void iterate(const std::vector<std::array<float, 4>>& iterations, double step_s, double rest_scale) {
@@ -523,6 +503,25 @@ class LatticeSolver final : public DeviceSolver {
         for (Stage& stage : *list) use(stage);
   }
 
+  /// Drivers finish the compiling of a kernel at its first launch; that wait
+  /// belongs before the first step, not into the next picture. A step of no
+  /// time changes nothing.
+  void warm_up_steps() {
+    const auto kind = std::pair(parameters_in_use_.integrator, is_undamped_);
+    if (point_count() == 0 || !warm_.insert(kind).second) return;
+    begin_steps(0.0);
+    run_steps(ends_beside(parameters_in_use_.integrator) ? 2 : 1, 0.0, 0.0);
+    end_steps();
+    device().finish();
+  }
+  /// What use() does for the steps, for the rest.
+  void warm_up() {
+    warm_up_steps();
+    if (point_count() == 0) return;
+    health();
+    link_health();
+  }
+
   /// Nothing is held and there is no gravity.
   bool is_all_free() const { return all_free_ && parameters_in_use_.gravity_mm_per_s2.isZero(0.0); }
 
@@ -580,7 +579,9 @@ class LatticeSolver final : public DeviceSolver {
   std::unique_ptr<LatticeHealth> health_;
   std::map<std::pair<Integrator, bool>, Scheme> schemes_;  ///< with or without damping
   Scheme* scheme_ = nullptr;
+  std::set<std::pair<Integrator, bool>> warm_;
   std::unique_ptr<ImplicitLatticeStep> implicit_;  ///< made when it is first asked for
+  ImplicitLatticeStep::Iterate iterate_;           ///< where the march takes its iterations
   bool is_undamped_ = false;
   Parameters parameters_in_use_;
   bool is_beside_ = false;

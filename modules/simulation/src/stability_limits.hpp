@@ -6,8 +6,9 @@ namespace palpate::simulation {
 
 /// The largest stable step of one mode x'' + b x' + a x = 0 (a = omega^2,
 /// b = 2 zeta omega), from the amplification matrix of the scheme:
-///   Euler             b/a for zeta <= 1, else 2/s with s the faster root of s^2 - b s + a; none (0) for b =
-///   0 symplectic Euler, Verlet with lagged velocity
+///   Euler             b/a for zeta <= 1, else 2/s with s the faster root of s^2 - b s + a;
+///                     none (0) where b is 0
+///   symplectic Euler, Verlet with lagged velocity
 ///                     h^2 a + 2 h b <= 4, so (2/omega)(sqrt(1 + zeta^2) - zeta)
 ///   velocity Verlet   with p = h^2 a, q = h b: trace 2 - p - q + pq/4 + q^2/2, determinant
 ///                     1 - q + q^2/2 - pq/4, so p <= 4 - 2q + q^2 and q <= 2, that is

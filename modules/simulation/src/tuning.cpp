@@ -68,7 +68,8 @@ unsigned measured(const compute::DeviceInfo& device, const MakeTrial& make) {
       Trial trial{candidate, make(tissue, candidate)};
       timed_s(*trial.solver, 1);
       trials.push_back(std::move(trial));
-    } catch (const core::Error&) {
+    } catch (const core::Error& error) {
+      if (error.code() != "kernel-build") throw;
       continue;  // a width that this driver cannot build is none to choose
     }
   }
@@ -105,7 +106,8 @@ unsigned tuned_points_per_item(const compute::Device& device, const std::string&
 OpenclOptions tuned(const compute::Device& device, const OpenclOptions& options, LayoutChoice layout) {
   if (options.points_per_item != 0) return options;
   const bool lattice = layout == LayoutChoice::lattice;
-  const std::string file = lattice ? "lattice.cl" : "explicit.cl";
+  const bool marches = device.info().type == compute::DeviceType::cpu && !options.launches_every_stage;
+  const std::string file = !lattice ? "explicit.cl" : marches ? "lattice_march.cl" : "lattice.cl";
   // Other kernels may have another best width.
   const std::string key = "points per work-item of " + file + " " +
                           core::sha256_of(compute::KernelLibrary::source(file)).substr(0, 16);
@@ -114,6 +116,7 @@ OpenclOptions tuned(const compute::Device& device, const OpenclOptions& options,
       tuned_points_per_item(device, key, [&](std::shared_ptr<const model::Tissue> tissue, unsigned width) {
         OpenclOptions trial;
         trial.points_per_item = width;
+        trial.launches_every_stage = options.launches_every_stage;
         return lattice ? make_lattice_solver(device, std::move(tissue), Parameters{}, trial, Material{})
                        : make_explicit_solver(device, std::move(tissue), Parameters{}, trial, Material{});
       });

@@ -276,6 +276,24 @@ TEST(LatticeLayout, HoldsSparseThinAndStridedTissue) {
   }
 }
 
+// A fin whose first rows are empty: the first band must not be.
+TEST(LatticeLayout, CutsThinTissueWhoseFirstRowsAreEmpty) {
+  const core::ImageGeometry grid({16, 8, 75}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero());
+  std::vector<float> values;
+  for (int k = 0; k < 75; ++k)
+    for (int j = 0; j < 8; ++j)
+      for (int i = 0; i < 16; ++i) values.push_back(k >= 70 || j == 2 ? 1.0F : 0.0F);
+  const model::Tissue tissue = tissue_of(core::Volume(grid, std::move(values)));
+  for (const unsigned lanes : {1U, 8U, 16U}) {
+    const LatticeLayout layout = build_lattice(tissue, lanes);
+    for (const std::size_t in_slab : {20U, 50U, 55U, 1000U})
+      for (const std::size_t chunks : {1U, 2U, 7U}) {
+        expect_each_segment_is_owned_once(layout, in_slab, chunks);
+        expect_chunks_wait_for_their_links(tissue, layout, in_slab, chunks);
+      }
+  }
+}
+
 TEST(LatticeLayout, LaysRowsWhereTheyTakeTheFewestLanes) {
   const LatticeLayout layout = build_lattice(tissue_of(box({17, 8, 32}, Eigen::Vector3d::Ones())), 16);
   EXPECT_EQ(layout.axes[0], 2);

@@ -48,7 +48,8 @@ class Guard {
   GuardReport advance(int count);
   /// Something acts from outside in the next batch and may bring energy in: a
   /// grab moves or lets go, links were cut or healed, anchors changed. (New
-  /// parameters, a state that was set and a beat are seen without this.)
+  /// parameters and a beat are seen without this; after a state that was set
+  /// call clear().)
   void disturbed() { input_ = disturbed_ = true; }
   double step_s() const noexcept { return step_s_; }
   void set_step_s(double step_s);

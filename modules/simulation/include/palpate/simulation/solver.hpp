@@ -160,7 +160,8 @@ struct OpenclOptions {
 /// Lattice (kernels/lattice.cl): segments of consecutive voxels of a row, a
 /// stencil of neighbours with a rest length each, other links in an overflow
 /// list. Explicit (kernels/explicit.cl): separate arrays, links stored in
-/// columns, a block of points at a time. Neither uses atomics. Compiles and
+/// columns, a block of points at a time. Neither adds
+/// with atomics: every sum has one order. Compiles and
 /// warms its kernels up, so that the first step is as fast as the next. Throws
 /// Error(device), and Error(usage) as check() does.
 std::unique_ptr<Solver> make_opencl_solver(const compute::Device& device,
