@@ -11,7 +11,10 @@
 #include "palpate/imaging/reader.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -91,6 +94,7 @@ std::vector<std::string> cpu_flags() {
 double triad_gb_s(const std::optional<compute::Device>& device, bool quick, const core::Progress& progress) {
   const std::size_t count = std::size_t{1} << (quick ? 23U : 25U);
   const std::vector<float> ones(count, 1.0F);
+  const std::vector<float> threes(count, 3.0F);
   std::vector<float> sums(count, 0.0F);
   std::function<void()> triad;
   compute::Buffer a, b, c;
@@ -113,7 +117,7 @@ double triad_gb_s(const std::optional<compute::Device>& device, bool quick, cons
       for (std::size_t n = 0; n < threads; ++n)
         team.emplace_back([&, n] {
           const std::size_t end = count * (n + 1) / threads;
-          for (std::size_t at = count * n / threads; at < end; ++at) sums[at] = ones[at] + 3.0F * ones[at];
+          for (std::size_t at = count * n / threads; at < end; ++at) sums[at] = ones[at] + 3.0F * threes[at];
         });
       for (auto& thread : team) thread.join();
     };
@@ -151,13 +155,11 @@ std::vector<std::string> quick_cases() {
 }
 
 /// The published layout is OpenCL; without a device there is nothing to set beside it.
-void refuse_engine(std::vector<std::string>& wanted) {
-  const auto first = std::stable_partition(wanted.begin(), wanted.end(),
-                                           [](const std::string& name) { return !is_engine(name); });
-  if (first == wanted.begin() && first != wanted.end())
-    core::throw_usage("--case " + *first +
+void refuse_engine(const std::vector<std::string>& named) {
+  const auto engine = std::find_if(named.begin(), named.end(), is_engine);
+  if (engine != named.end())
+    core::throw_usage("--case " + *engine +
                       " compares kernels and needs an OpenCL device; see palpate-cli devices.");
-  wanted.erase(first, wanted.end());
 }
 
 bool is_small(const std::string& name) {
@@ -188,7 +190,10 @@ class Bench {
   void run() {
     auto wanted = request_.cases;
     if (wanted.empty()) wanted = request_.quick ? quick_cases() : all_cases();
-    if (!device_) refuse_engine(wanted);
+    if (!device_) {
+      refuse_engine(request_.cases);
+      wanted.erase(std::remove_if(wanted.begin(), wanted.end(), is_engine), wanted.end());
+    }
     const double parts = static_cast<double>(wanted.size()) + 1.0;
     triad_gb_s_ = triad_gb_s(device_, request_.quick, progress_.part(0.0, 1.0 / parts));
     for (std::size_t n = 0; n < wanted.size(); ++n) {
@@ -249,8 +254,14 @@ class Bench {
   }
 
   Figure handover(const std::string& name, const core::Progress& progress) const {
-    const auto folder =
-        std::filesystem::temp_directory_path() / ("palpate-bench-" + std::to_string(getpid()));
+    std::error_code failed;
+    std::string made = (std::filesystem::temp_directory_path(failed) / "palpate-bench-XXXXXX").string();
+    if (failed || mkdtemp(made.data()) == nullptr)
+      throw core::Error(core::ErrorKind::output, "no-folder",
+                        "A scan to measure with cannot be written to " + made + ": " +
+                            (failed ? failed.message() : std::strerror(errno)) +
+                            ". Set TMPDIR to a folder with 400 MB to spare.");
+    const std::filesystem::path folder = made;
     const struct Cleaner {
       std::filesystem::path path;
       ~Cleaner() {
@@ -258,11 +269,6 @@ class Bench {
         std::filesystem::remove_all(path, ignored);
       }
     } cleaner{folder};
-    std::error_code failed;
-    if (!std::filesystem::create_directories(folder, failed))
-      throw core::Error(core::ErrorKind::output, "no-folder",
-                        "A scan to measure with cannot be written to " + folder.string() + ": " +
-                            failed.message() + ". Set TMPDIR to a folder with 400 MB to spare.");
     const std::size_t bytes = is_small(name) ? 30'000'000 : 300'000'000;
     const auto timing = imaging::measure_handover(folder, bytes, progress);
     return {name,         timing.bytes / sizeof(float), 3, timing.handover_s, "parsing it in this process",

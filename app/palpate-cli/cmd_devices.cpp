@@ -41,7 +41,9 @@ std::string to_text(const compute::DeviceInfo& device) {
   table.emplace_back("Memory", shown_bytes(static_cast<double>(device.memory_bytes)) + ", one buffer up to " +
                                    shown_bytes(static_cast<double>(device.largest_buffer_bytes)));
   if (!device.reason.empty())
-    table.emplace_back(device.is_default ? "Default" : device.usable ? "Not the default" : "Not usable",
+    table.emplace_back(device.is_default ? "Default"
+                       : device.usable   ? "Not the default"
+                                         : "Not usable",
                        device.reason);
   return std::to_string(device.index) + ": " + device.name + (device.is_default ? "  (default)" : "") + "\n" +
          table_text(table);
@@ -147,6 +149,7 @@ int run_devices(const Call& call) {
   if (parse_or_help(options, call)) return 0;
 
   const auto devices = compute::list_devices();
+  call.console.progress().cancel().check();  // trying drivers can take long
   std::optional<SelfTests> tests;
   if (self_test) tests.emplace(devices, call.console.progress());
   Json list = Json::array();

@@ -78,6 +78,7 @@ Counted estimated(ScanOptions& scan, Console& console, const core::Progress& pro
   const auto start = std::chrono::steady_clock::now();
   const auto estimate = session::estimate_tissue(prepared.filtered, scan.recipe, progress.part(0.5, 1.0));
   const std::chrono::duration<double> wall = std::chrono::steady_clock::now() - start;
+  console.warn(estimate.warnings);
   return {estimate.tissue.statistics,
           estimate.stable_step.step_s,
           wall.count(),

@@ -40,7 +40,8 @@ constexpr std::array<Command, 9> commands{{
     {"experiment", "measure a figure of the thesis again", run_experiment},
 }};
 
-/// Turns SIGINT and SIGTERM into a cancelled token. They are blocked in every
+/// Turns SIGINT and SIGTERM into a cancelled token; a second one, where the
+/// first could not be heeded (in a driver, say), ends the process. They are blocked in every
 /// thread and so in the linkers that an OpenCL driver starts: a terminal sends
 /// Ctrl-C to those too, and PoCL aborts the whole process when one dies of it.
 class Interrupts {
@@ -48,12 +49,18 @@ class Interrupts {
   /// Before any other thread is started: threads inherit what is blocked.
   explicit Interrupts(const core::CancelToken& token) {
     sigemptyset(&waited_for_);
-    sigaddset(&waited_for_, SIGINT);
     sigaddset(&waited_for_, SIGTERM);
+    // A shell starts what it puts in the background deaf to Ctrl-C; so it stays.
+    struct sigaction before {};
+    sigaction(SIGINT, nullptr, &before);
+    if (before.sa_handler != SIG_IGN) sigaddset(&waited_for_, SIGINT);
     pthread_sigmask(SIG_BLOCK, &waited_for_, nullptr);
     thread_ = std::thread([this, &token] {
       int signal = 0;
-      while (sigwait(&waited_for_, &signal) == 0 && !ended_) token.cancel();
+      while (sigwait(&waited_for_, &signal) == 0 && !ended_) {
+        if (token.cancelled()) _exit(static_cast<int>(ErrorKind::cancelled));
+        token.cancel();
+      }
     });
   }
   ~Interrupts() {

@@ -37,13 +37,14 @@ TEST(CliBench, SetsTheEngineBesideThePublishedLayout) {
   const double ms = figure["ms_per_step"].get<double>();
   EXPECT_GT(ms, 0.0);
   EXPECT_NEAR(figure["speedup"].get<double>(), figure["baseline_ms_per_step"].get<double>() / ms, 1e-9 * ms);
-  EXPECT_NEAR(figure["link_evaluations_per_s"].get<double>(), 8.0 * figure["links"].get<double>() / (ms / 1000.0),
-              1.0);
+  EXPECT_NEAR(figure["link_evaluations_per_s"].get<double>(),
+              8.0 * figure["links"].get<double>() / (ms / 1000.0), 1.0);
   // Two ways to the same positions, ten steps of rounding at 13 mm: 1e-6 mm each
   // time, and rest lengths that may be kept in 16 bits (2e-5 of a link).
   EXPECT_LT(figure["max_difference_mm"].get<double>(), 1e-4);
-  for (const char* const key : {"layout", "bytes_per_step", "bandwidth_fraction", "realtime_factor", "build_s",
-                                "device_bytes_per_point", "baseline_bytes_per_point", "compared_with"})
+  for (const char* const key :
+       {"layout", "bytes_per_step", "bandwidth_fraction", "realtime_factor", "build_s",
+        "device_bytes_per_point", "baseline_bytes_per_point", "compared_with"})
     EXPECT_TRUE(figure.contains(key)) << key;
 }
 
@@ -54,6 +55,9 @@ TEST(CliBench, RefusesWhatItCannotMeasure) {
   const auto no_device = cli({"bench", "--device", "reference", "--case", "jittered-20k"});
   EXPECT_EQ(no_device.exit_code, 2);
   EXPECT_THAT(no_device.error, HasSubstr("OpenCL device"));
+  const auto one_of_two =
+      cli({"bench", "--device", "reference", "--case", "gaussian-58x100x58", "--case", "jittered-20k"});
+  EXPECT_EQ(one_of_two.exit_code, 2) << "what was asked for is not left out in silence";
 }
 
 }  // namespace

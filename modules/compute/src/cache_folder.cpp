@@ -62,6 +62,26 @@ bool write_cached(const fs::path& file, const std::string& bytes) noexcept {
   }
 }
 
+bool write_cached_once(const fs::path& file, const std::string& bytes) noexcept {
+  try {
+    fs::create_directories(file.parent_path());
+    const fs::path aside = beside(file);
+    if (!write_cached(aside, bytes)) return false;
+    std::error_code failure;
+    fs::create_hard_link(aside, file, failure);
+    if (failure && !read_cached(file)) {  // damaged: whoever is first to put another there wins
+      std::error_code ignored;
+      fs::remove(file, ignored);
+      fs::create_hard_link(aside, file, ignored);
+    }
+    std::error_code ignored;
+    fs::remove(aside, ignored);
+    return read_cached(file).has_value();
+  } catch (...) {
+    return false;
+  }
+}
+
 std::optional<std::string> read_cached(const fs::path& file) noexcept {
   try {
     std::ifstream stream(file, std::ios::binary);

@@ -62,11 +62,17 @@ class VendorFolder {
  public:
   explicit VendorFolder(const std::vector<DriverFile>& files) {
     std::error_code error;
-    std::string pattern = (fs::temp_directory_path(error) / "palpate-drivers-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) return;
+    const fs::path temporary = fs::temp_directory_path(error);
+    std::string pattern = (temporary / "palpate-drivers-XXXXXX").string();
+    if (error || mkdtemp(pattern.data()) == nullptr) return;
     path_ = pattern;
-    for (std::size_t n = 0; n < files.size(); ++n)
-      std::ofstream(path_ / (std::to_string(100 + n) + ".icd")) << files[n].library << "\n";
+    is_made_ = true;
+    for (std::size_t n = 0; n < files.size(); ++n) {
+      std::ofstream stream(path_ / (std::to_string(100 + n) + ".icd"));
+      stream << files[n].library << "\n";
+      stream.close();
+      is_made_ = is_made_ && stream;
+    }
   }
   ~VendorFolder() {
     std::error_code ignored;
@@ -76,10 +82,13 @@ class VendorFolder {
   VendorFolder& operator=(const VendorFolder&) = delete;
   /// Ends with a slash. Where no folder could be made, one that is not there:
   /// no driver at all is better than a bad one.
-  std::string name() const { return path_.empty() ? "/nonexistent/" : path_.string() + "/"; }
+  std::string name() const { return is_made_ ? path_.string() + "/" : "/nonexistent/"; }
+  /// With all its files.
+  bool is_made() const noexcept { return is_made_; }
 
  private:
   fs::path path_;
+  bool is_made_ = false;
 };
 
 Overrides only_these(const VendorFolder& folder) {
@@ -148,7 +157,7 @@ class Prober {
     std::vector<DriverFile> good;
     for (const auto& file : files) {
       const VendorFolder alone({file});
-      const Trial one = files.size() == 1 ? all : trial(only_these(alone));
+      const Trial one = files.size() == 1 ? all : trial(alone);
       if (!one.enumerated) {
         screening.drivers.push_back({file, reason("its driver was tried and " + one.end, file)});
         continue;
@@ -157,7 +166,7 @@ class Prober {
       if (good.size() < 2) continue;
       // Each for itself is well; two may still not bear each other.
       const VendorFolder together(good);
-      if (const Trial both = trial(only_these(together)); !both.enumerated) {
+      if (const Trial both = trial(together); !both.enumerated) {
         good.pop_back();
         screening.drivers.push_back(
             {file,
@@ -165,11 +174,22 @@ class Prober {
       }
     }
     const VendorFolder rest(good);
-    if (!good.empty()) screening.devices = failing_devices(trial(only_these(rest)), only_these(rest));
+    if (!good.empty()) screening.devices = failing_devices(trial(rest), only_these(rest));
     return screening;
   }
+  /// Whether every trial could be made; else the answer holds for this run only.
+  bool is_whole() const noexcept { return is_whole_; }
 
  private:
+  Trial trial(const VendorFolder& folder) {
+    if (folder.is_made()) return trial(only_these(folder));
+    is_whole_ = false;
+    Trial none;
+    none.end =
+        "could not be told from others, since no temporary folder could be made (set TMPDIR to one "
+        "that can be written)";
+    return none;
+  }
   Trial trial(const Overrides& environment, const std::string& skipped = {}) {
     const std::vector<std::string> arguments =
         skipped.empty() ? std::vector<std::string>{} : std::vector<std::string>{"--skip", skipped};
@@ -213,6 +233,7 @@ class Prober {
   fs::path program_;
   double limit_s_;
   bool started_ = false;
+  bool is_whole_ = true;
 };
 
 std::int64_t now_s() {
@@ -299,9 +320,10 @@ Screening screen() {
   std::optional<Screening> screening;
   if (folder) screening = remembered(file, fingerprint);
   if (!screening) {
-    screening = Prober(*program, time_limit_s()).run(files);
+    Prober prober(*program, time_limit_s());
+    screening = prober.run(files);
     if (!screening) return {};
-    if (folder) write_cached(file, json_of(*screening, fingerprint).dump(2));
+    if (folder && prober.is_whole()) write_cached(file, json_of(*screening, fingerprint).dump(2));
   }
   if (!screening->drivers.empty()) load_without(*screening, files);
   return *screening;

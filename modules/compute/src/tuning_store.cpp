@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <system_error>
-#include <unistd.h>
 
 namespace palpate::compute {
 
@@ -58,13 +57,7 @@ std::optional<std::string> TuningStore::settle(const DeviceInfo& device, const s
     const std::string what = subject(device, key);
     const fs::path file = file_of(folder_, what);
     if (auto known = value_in(file, what)) return known;
-    std::error_code error;
-    fs::remove(file, error);  // damaged, if it is there at all
-    const fs::path aside = file.string() + "." + std::to_string(getpid());
-    if (!write_cached(aside, what + value)) return std::nullopt;
-    // Fails where another process was first, and its value holds.
-    fs::create_hard_link(aside, file, error);
-    fs::remove(aside, error);
+    write_cached_once(file, what + value);
     return value_in(file, what);
   } catch (...) {
     return std::nullopt;

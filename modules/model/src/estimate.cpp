@@ -283,6 +283,9 @@ TissueEstimate estimate_on_lattice(const core::Volume& volume, const TissueParam
   progress.report(0.5, "Estimating components");
 
   describe(components, volume, parameters, plan, result.statistics);
+  if (result.statistics.points == 0 && !components.points.empty())
+    throw_all_dropped(parameters.min_component,
+                      *std::max_element(components.points.begin(), components.points.end()));
   if (by_distance && parameters.min_component > 1)
     count_what_stays(build(volume, parameters, plan, occupancy, threads, progress.part(0.3, 0.5)),
                      parameters.min_component, result.statistics);

@@ -101,6 +101,7 @@ void DriverLoop::on(const command::Play&) {
   if (setup_.tissue.tissue->links.size() > links_while_playing && worker_.is_busy()) {
     worker_.cancel();
     wants_estimate_ = !limit_.has_estimate();
+    looked_at_mm_ = 0.0;  // the look was not finished
   }
   last_ = Clock::now();
   owed_s_ = 0.0;
@@ -245,6 +246,11 @@ void DriverLoop::let_go() {
 void DriverLoop::restore(const simulation::State& state) {
   on_.solver->set_state(state);
   guard_->clear();
+  // What is being found is of the places before.
+  ++epoch_;
+  worker_.cancel();
+  wants_estimate_ = !limit_.has_estimate();
+  looked_at_mm_ = static_cast<double>(on_.solver->health().max_displacement_mm);
   limit_.set_stretched(
       simulation::stable_step(*setup_.tissue.tissue, setup_.settings.parameters,
                               {&state.positions_mm, &on_.solver->link_alive(), &setup_.tissue.material}));

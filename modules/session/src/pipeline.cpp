@@ -35,7 +35,7 @@ namespace {
 using core::Error;
 using core::ErrorKind;
 
-/// A label image for a scan of this geometry.
+/// A label image for a scan of this geometry, at the scan's frame; < 0: at the first, saying so.
 core::Volume read_labels(const std::filesystem::path& path, const core::ImageGeometry& scan, int frame,
                          std::vector<core::Warning>& warnings, const core::Progress& progress) {
   imaging::ReadOptions options;
@@ -47,6 +47,10 @@ core::Volume read_labels(const std::filesystem::path& path, const core::ImageGeo
   }
   if (sequence.frames.empty())
     throw Error(ErrorKind::input, "no-image", path.string() + " holds no label image.");
+  if (frame < 0 && sequence.info.frames > 1)
+    warnings.push_back({"labels-first-time", path.string() + " has labels for " +
+                                                 std::to_string(sequence.info.frames) +
+                                                 " times. Those of the first say what is anchored."});
   core::Volume labels = sequence.frames.front();
   // Labels without a spacing of their own belong to the voxels of the scan.
   if (sequence.info.spacing_is_assumed() && labels.dims() == scan.dims() && !(labels.geometry() == scan)) {
@@ -113,7 +117,7 @@ std::vector<std::uint32_t> border_points(const model::Tissue& tissue) {
 std::vector<std::uint32_t> labelled_points(const model::Tissue& tissue, const std::filesystem::path& file,
                                            std::vector<core::Warning>& warnings,
                                            const core::Progress& progress) {
-  const core::Volume labels = read_labels(file, tissue.geometry, 0, warnings, progress);
+  const core::Volume labels = read_labels(file, tissue.geometry, -1, warnings, progress);
   const model::MaskLookup lookup(labels, std::nullopt, tissue.geometry);
   std::vector<std::uint32_t> points;
   for (std::uint32_t point = 0; point < tissue.points.size(); ++point)
@@ -185,8 +189,7 @@ Field masked_field(const core::Volume& filtered, const core::Volume& mask, const
 
 Estimate estimate_tissue(const core::Volume& filtered, const Recipe& recipe, const core::Progress& progress) {
   Estimate estimate;
-  std::vector<core::Warning> warnings;
-  const auto parameters = tissue_parameters(filtered, recipe, warnings, progress.part(0.0, 0.1));
+  const auto parameters = tissue_parameters(filtered, recipe, estimate.warnings, progress.part(0.0, 0.1));
   estimate.tissue = model::estimate(filtered, parameters, progress.part(0.1, 0.9));
   estimate.threshold_low = lowest_of(parameters, estimate.tissue.sample);
   progress.report(0.9, "Largest stable step");

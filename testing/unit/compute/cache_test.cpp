@@ -167,6 +167,23 @@ TEST(CachedFile, OfManyWritersAtOnceIsOneOfThemWhole) {
   EXPECT_THAT(names_in(folder.path()), ::testing::ElementsAre("file"));
 }
 
+TEST(CachedFile, WrittenOnceIsWhatTheFirstWroteUnlessThatIsDamaged) {
+  const TemporaryFolder folder;
+  const fs::path file = folder / "file";
+  std::vector<std::thread> writers;
+  for (char c = 'a'; c < 'e'; ++c)
+    writers.emplace_back([&file, c] { compute::write_cached_once(file, std::string(2000, c)); });
+  for (auto& writer : writers) writer.join();
+  const auto first = compute::read_cached(file);
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(compute::write_cached_once(file, "later"));
+  EXPECT_EQ(compute::read_cached(file), first);
+  std::ofstream(file, std::ios::binary | std::ios::app) << "x";
+  EXPECT_TRUE(compute::write_cached_once(file, "anew"));
+  EXPECT_EQ(compute::read_cached(file), "anew");
+  EXPECT_THAT(names_in(folder.path()), ::testing::ElementsAre("file"));
+}
+
 TEST(KernelCacheKey, ChangesWithAllThatABinaryDependsOn) {
   const auto device = some_device();
   std::set<std::string> keys;

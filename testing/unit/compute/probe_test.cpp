@@ -170,6 +170,16 @@ TEST_F(Drivers, WithoutTheProbeProgramTheyAreLoadedAsTheyAre) {
   EXPECT_TRUE(remembered().empty());
 }
 
+TEST_F(Drivers, WithoutATemporaryFolderABadOneStaysOutAndNothingIsRemembered) {
+  add("abort_at_load", "a-bad.icd");
+  add("none", "b-good.icd");
+  const auto result = run({"TMPDIR=" + (folder_ / "missing").string()});
+  EXPECT_EQ(result.signal, 0) << "the driver took the program along";
+  EXPECT_EQ(result.exit_code, 4);
+  EXPECT_THAT(result.out + result.error, HasSubstr("TMPDIR"));
+  EXPECT_TRUE(remembered().empty());
+}
+
 TEST_F(Drivers, NothingIsLeftInTheTemporaryFolder) {
   add("abort", "bad.icd");
   add("none", "good.icd");

@@ -129,6 +129,24 @@ TEST(Components, DroppingEverythingIsSaid) {
   }
 }
 
+TEST(Components, AnEstimateThatDropsEverythingSaysSoToo) {
+  // More than is built for an estimate.
+  const palpate::core::Volume full(
+      palpate::core::ImageGeometry({40, 40, 40}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero()),
+      std::vector<float>(64000, 1.0F));
+  TissueParameters parameters;
+  parameters.threshold_low = 0.5;
+  parameters.links = LinkRule::six;
+  parameters.min_component = 64001;
+  try {
+    palpate::model::estimate(full, parameters);
+    FAIL() << "nothing was thrown";
+  } catch (const palpate::core::Error& error) {
+    EXPECT_EQ(error.code(), "no-tissue");
+    EXPECT_NE(std::string(error.what()).find("64000"), std::string::npos) << error.what();
+  }
+}
+
 TEST(Statistics, CountAndMeasure) {
   TissueParameters parameters;
   parameters.links = LinkRule::six;

@@ -16,6 +16,9 @@ std::optional<std::filesystem::path> cache_folder();
 /// does not work (a full or read-only disk); never throws. Nothing half-written
 /// is left.
 bool write_cached(const std::filesystem::path& file, const std::string& bytes) noexcept;
+/// The same, but where the file is there already it stays: the first writer of
+/// all processes wins. One that cannot be read is replaced.
+bool write_cached_once(const std::filesystem::path& file, const std::string& bytes) noexcept;
 /// The bytes, or none where the file is missing, cut short or damaged. Never throws.
 std::optional<std::string> read_cached(const std::filesystem::path& file) noexcept;
 

@@ -36,6 +36,7 @@ struct Estimate {
   model::TissueEstimate tissue;
   simulation::StableStep stable_step;  ///< of the sample
   double threshold_low = 0.0;
+  std::vector<core::Warning> warnings;
 };
 
 /// The hops of docs/house.md in their order; each a function of values. The
