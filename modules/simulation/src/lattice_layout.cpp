@@ -366,11 +366,19 @@ void find_rows(LatticeLayout& layout) {
   });
 }
 
+struct LengthRange {
+  float shortest_mm = std::numeric_limits<float>::infinity();
+  float longest_mm = 0.0F;
+  void take(const LengthRange& other) {
+    shortest_mm = std::min(shortest_mm, other.shortest_mm);
+    longest_mm = std::max(longest_mm, other.longest_mm);
+  }
+};
+
 /// What the links need: how many are in each slot (the last: none), and their lengths.
 struct Census {
   std::array<std::size_t, LatticeSlots::most + 1> in_slot{};
-  float shortest_mm = std::numeric_limits<float>::infinity();
-  float longest_mm = 0.0F;
+  std::array<LengthRange, LatticeSlots::most + 1> lengths{};
 };
 Census census_of(const model::LinkGraph& links, const std::vector<LatticeSite>& sites) {
   Census all;
@@ -380,16 +388,16 @@ Census census_of(const model::LinkGraph& links, const std::vector<LatticeSite>& 
     for (std::size_t link = begin; link < end; ++link) {
       const Forward f = forward_of(sites[links.pairs[link][0]], sites[links.pairs[link][1]]);
       const std::optional<int> row = row_of(f);
-      ++own.in_slot[row ? slot_of(*row, f.x) : no_slot];
+      const auto slot = row ? slot_of(*row, f.x) : no_slot;
+      ++own.in_slot[slot];
       const float length = links.rest_lengths_mm[link];
-      if (!(length > 0.0F)) continue;
-      own.shortest_mm = std::min(own.shortest_mm, length);
-      own.longest_mm = std::max(own.longest_mm, length);
+      if (length > 0.0F) own.lengths[slot].take({length, length});
     }
     const std::lock_guard lock(mutex);
-    for (std::size_t slot = 0; slot < own.in_slot.size(); ++slot) all.in_slot[slot] += own.in_slot[slot];
-    all.shortest_mm = std::min(all.shortest_mm, own.shortest_mm);
-    all.longest_mm = std::max(all.longest_mm, own.longest_mm);
+    for (std::size_t slot = 0; slot < own.in_slot.size(); ++slot) {
+      all.in_slot[slot] += own.in_slot[slot];
+      all.lengths[slot].take(own.lengths[slot]);
+    }
   });
   return all;
 }
@@ -497,10 +505,14 @@ LatticeLayout build_lattice(const model::Tissue& tissue, unsigned lanes) {
   find_rows(layout);
   const Census census = census_of(tissue.links, sites);
   layout.slots = slots_for(census, layout.segments);
-  if (census.longest_mm > 0.0F) {
+  // Of the stencil alone: one long link between specks must not make all others coarse.
+  LengthRange stored;
+  for (unsigned slot = 0; slot < LatticeSlots::most; ++slot)
+    if (((layout.slots.used >> slot) & 1U) != 0) stored.take(census.lengths[slot]);
+  if (stored.longest_mm > 0.0F) {
     layout.rest_quantum_mm =
-        std::max((census.longest_mm - census.shortest_mm) / 65534.0F, census.longest_mm * 1e-7F);
-    layout.rest_offset_mm = census.shortest_mm - layout.rest_quantum_mm;
+        std::max((stored.longest_mm - stored.shortest_mm) / 65534.0F, stored.longest_mm * 1e-7F);
+    layout.rest_offset_mm = stored.shortest_mm - layout.rest_quantum_mm;
   }
   const std::vector<std::uint32_t> outside = store_links(tissue.links, sites, layout);
   store_overflow(tissue.links, sites, outside, layout);

@@ -276,6 +276,17 @@ TEST(LatticeLayout, HoldsSparseThinAndStridedTissue) {
   }
 }
 
+TEST(LatticeLayout, ALongLinkOutsideTheStencilDoesNotMakeTheOthersCoarse) {
+  model::Tissue tissue = tissue_of(box({12, 12, 12}, Eigen::Vector3d::Ones()));
+  const float quantum_mm = build_lattice(tissue, 16).rest_quantum_mm;
+  EXPECT_LT(quantum_mm, 2e-5F);
+  tissue.links.pairs.push_back({0, 1727});
+  tissue.links.rest_lengths_mm.push_back(19.0F);
+  const LatticeLayout layout = build_lattice(tissue, 16);
+  EXPECT_EQ(layout.rest_quantum_mm, quantum_mm);
+  expect_holds_every_link_once(tissue, layout);
+}
+
 // A fin whose first rows are empty: the first band must not be.
 TEST(LatticeLayout, CutsThinTissueWhoseFirstRowsAreEmpty) {
   const core::ImageGeometry grid({16, 8, 75}, Eigen::Vector3d::Ones(), Eigen::Vector3d::Zero());
