@@ -83,7 +83,7 @@ TEST(CliDevices, ADeviceThatIsLostInARunLeavesNothingHalfWritten) {
   for (const auto& word : Words{"--steps", "1000", "--step", "0.001", "-o", (folder / "points.vtp").string(),
                                 "--surface", (folder / "surface.stl").string(), "--json"})
     words.push_back(word);
-  const auto result = cli_with({"PALPATE_FAIL_AFTER_LAUNCHES=800"}, words);
+  const auto result = cli_with({"PALPATE_FAIL_AFTER_LAUNCHES=150"}, words);
   EXPECT_EQ(result.signal, 0);
   EXPECT_EQ(result.exit_code, 4);
   const auto object = nlohmann::json::parse(result.out, nullptr, false);
