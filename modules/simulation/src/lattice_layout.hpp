@@ -83,6 +83,11 @@ struct LatticeLayout {
   /// numbers that float32 holds.
   Eigen::Vector3d site_mm(std::uint32_t lane) const noexcept;
   std::uint16_t stored_length(float rest_length_mm) const noexcept;
+  /// What the kernels make factor L of: a stored n stands for first n + second.
+  std::array<float, 2> scaled_rest(double factor) const noexcept {
+    return {static_cast<float>(factor * static_cast<double>(rest_quantum_mm)),
+            static_cast<float>(factor * static_cast<double>(rest_offset_mm))};
+  }
   LatticePlace place_of(std::uint32_t lane_a, std::uint32_t lane_b) const;
 };
 

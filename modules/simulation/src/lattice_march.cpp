@@ -161,11 +161,9 @@ void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) 
   for (int step = 0; step < steps; ++step)
     for (const Pass& pass : turns(step) ? back(forward) : forward) {
       const double scale = rest_scale_at(p, beats ? time_s + (step + pass.at) * step_s : 0.0);
-      const double half = 0.5 * scale * p.stiffness_per_s2;
-      table.push_back({pass, static_cast<float>(pass.h * step_s),
-                       static_cast<float>(half * static_cast<double>(layout_.rest_quantum_mm)),
-                       static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)),
-                       static_cast<float>(scale), gravity_});
+      const auto [times, plus] = layout_.scaled_rest(0.5 * scale * p.stiffness_per_s2);
+      table.push_back(
+          {pass, static_cast<float>(pass.h * step_s), times, plus, static_cast<float>(scale), gravity_});
     }
   run(table, static_cast<std::size_t>(count) * forward.size(), !beats && is_beside ? forward.size() : 0);
 }

@@ -409,14 +409,15 @@ class LatticeSolver final : public DeviceSolver {
   }
 
   void iterate(const std::vector<std::array<float, 4>>& iterations, double step_s, double rest_scale) {
+    const auto [times, plus] = layout_.scaled_rest(rest_scale);
     std::vector<LatticeMarch::NumberedPass> table;
     for (std::size_t n = 0; n < iterations.size(); ++n) {
       const bool goes = n % 2 == 0;
       table.push_back({{Mode::from_source, 1.0, 1.0, goes ? Stored::s2 : Stored::s3, Stored::y,
                         goes ? Stored::s3 : Stored::s2},
                        static_cast<float>(step_s),
-                       static_cast<float>(rest_scale * static_cast<double>(layout_.rest_quantum_mm)),
-                       static_cast<float>(rest_scale * static_cast<double>(layout_.rest_offset_mm)),
+                       times,
+                       plus,
                        static_cast<float>(rest_scale),
                        iterations[n]});
     }
@@ -540,11 +541,9 @@ class LatticeSolver final : public DeviceSolver {
   }
 
   void set_beat(Stage& stage, double scale) const {
-    const double half = 0.5 * scale * parameters_in_use_.stiffness_per_s2;
-    stage.kernel.set(rest_scale_argument,
-                     static_cast<float>(half * static_cast<double>(layout_.rest_quantum_mm)));
-    stage.kernel.set(rest_offset_argument,
-                     static_cast<float>(half * static_cast<double>(layout_.rest_offset_mm)));
+    const auto [times, plus] = layout_.scaled_rest(0.5 * scale * parameters_in_use_.stiffness_per_s2);
+    stage.kernel.set(rest_scale_argument, times);
+    stage.kernel.set(rest_offset_argument, plus);
     stage.kernel.set(length_scale_argument, static_cast<float>(scale));
   }
 
