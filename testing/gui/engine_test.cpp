@@ -16,6 +16,8 @@
 #include <QSignalSpy>
 #include <QSlider>
 #include <QSpinBox>
+#include <QScrollArea>
+#include <QScrollBar>
 #include <QWheelEvent>
 
 #include <cmath>
@@ -410,6 +412,16 @@ TEST_F(Engine, TheWheelScrollsThePanelAndChangesNothing) {
   field.setFocus();
   turn(field);
   EXPECT_EQ(settings().parameters.stiffness_per_s2, 5000.0) << "one that was chosen takes it";
+
+  auto* panel = window().findChild<QWidget*>("SimulatePanel");
+  ASSERT_NE(panel, nullptr);
+  panel->findChild<QAbstractButton*>("moreButton")->setChecked(true);
+  auto& area = find<QScrollArea>("sidePanel");
+  auto& bar = *area.verticalScrollBar();
+  ASSERT_TRUE(QTest::qWaitFor([&] { return bar.maximum() > 0; })) << "too tall to test";
+  bar.setValue(0);
+  turn(*area.viewport());
+  EXPECT_GT(bar.value(), 0);
 }
 
 TEST_F(Engine, EveryControlIsReachedByTheKeyboard) {

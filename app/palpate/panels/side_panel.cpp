@@ -6,6 +6,7 @@
 #include <QAbstractSpinBox>
 #include <QComboBox>
 #include <QPainter>
+#include <QScrollBar>
 #include <QSlider>
 #include <QStyle>
 #include <QVBoxLayout>
@@ -126,10 +127,11 @@ void SidePanel::add_step(const QString& id, const QString& title, QWidget* body)
 }
 
 // The wheel scrolls the panel: a field that happens to lie under the pointer
-// takes it only once it was chosen.
+// takes it only once it was chosen. A scroll area watches its bars this way too.
 bool SidePanel::eventFilter(QObject* watched, QEvent* event) {
   auto* field = qobject_cast<QWidget*>(watched);
-  if (event->type() == QEvent::Wheel && field != nullptr && !field->hasFocus()) {
+  const bool is_bar = qobject_cast<QScrollBar*>(watched) != nullptr;
+  if (event->type() == QEvent::Wheel && !is_bar && field != nullptr && !field->hasFocus()) {
     event->ignore();
     return true;
   }
