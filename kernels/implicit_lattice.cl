@@ -90,22 +90,17 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
   float sums[3 * LANES];
   for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
   for (uint n = begin; n < end; ++n) {
-    const uint4 link = overflow[n];
-    const uint lane = link.w >> 16;
-    __global const float* own = source + segment * 6 * LANES + lane;
-    __global const float* other = source + link.x / LANES * 6 * LANES + link.x % LANES;
-    const float4 apart = (float)((int)(link.z << 16) >> 16) * step_x + (float)((int)link.z >> 16) * step_y +
-                         (float)((int)(link.w << 16) >> 16) * step_z;
-    const float dx = other[0] - own[0] + apart.x;
-    const float dy = other[LANES] - own[LANES] + apart.y;
-    const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
+    const OverflowLink link = overflow_link(source, segment, overflow[n], step_x, step_y, step_z);
+    const float dx = link.dx;
+    const float dy = link.dy;
+    const float dz = link.dz;
     const float squared = dx * dx + dy * dy + dz * dz;
-    const float rest_length = length_scale * as_float(link.y);
+    const float rest_length = length_scale * link.rest_length;
     if (rest_length == 0.0f || squared < 1e-12f) continue;
     float k = law.stiffness;
     float c = law.damping;
 #if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING)
-    const float mean = 0.5f * (factors[segment * LANES + lane] + factors[link.x]);
+    const float mean = 0.5f * (factors[link.own] + factors[link.other]);
 #endif
 #ifdef SCALED_STIFFNESS
     k *= mean;
@@ -118,13 +113,13 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
     const float across = k * min(fabs(stretch), 1.0f);
     const float along = (c + (k - across)) * inverse * inverse;
 #if IMPLICIT == 2
-    sums[lane] += along * dx * dx + across;
-    sums[LANES + lane] += along * dy * dy + across;
-    sums[2 * LANES + lane] += along * dz * dz + across;
+    sums[link.lane] += along * dx * dx + across;
+    sums[LANES + link.lane] += along * dy * dy + across;
+    sums[2 * LANES + link.lane] += along * dz * dz + across;
 #elif IMPLICIT == 3
-    sums[lane] += along * dx * dy;
-    sums[LANES + lane] += along * dx * dz;
-    sums[2 * LANES + lane] += along * dy * dz;
+    sums[link.lane] += along * dx * dy;
+    sums[LANES + link.lane] += along * dx * dz;
+    sums[2 * LANES + link.lane] += along * dy * dz;
 #else
 #if IMPLICIT == 1
     const float h = law.step;
@@ -133,25 +128,16 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
     const float h = 1.0f;
     const float spring = 0.0f;
 #endif
-    const float ux = h * (other[3 * LANES] - own[3 * LANES]);
-    const float uy = h * (other[4 * LANES] - own[4 * LANES]);
-    const float uz = h * (other[5 * LANES] - own[5 * LANES]);
+    const float ux = h * link.ux;
+    const float uy = h * link.uy;
+    const float uz = h * link.uz;
     const float factor = spring + along * (dx * ux + dy * uy + dz * uz);
-    sums[lane] += dx * factor + across * ux;
-    sums[LANES + lane] += dy * factor + across * uy;
-    sums[2 * LANES + lane] += dz * factor + across * uz;
+    sums[link.lane] += dx * factor + across * ux;
+    sums[LANES + link.lane] += dy * factor + across * uy;
+    sums[2 * LANES + link.lane] += dz * factor + across * uz;
 #endif
   }
-#if LANES == 1
-  const Vector extra = {sums[0], sums[1], sums[2]};
-#elif LANES == 4
-  const Vector extra = {vload4(0, sums), vload4(1, sums), vload4(2, sums)};
-#elif LANES == 8
-  const Vector extra = {vload8(0, sums), vload8(1, sums), vload8(2, sums)};
-#else
-  const Vector extra = {vload16(0, sums), vload16(1, sums), vload16(2, sums)};
-#endif
-  *force = sum(*force, extra);
+  *force = sum(*force, vector_of(sums));
 }
 
 /// The segment's part of a pass, once the sums over its links are known; drag

@@ -45,7 +45,7 @@
 // an entry without flags, which only completes the one before it; chunks of a
 // launch own different rows; launches, or the tasks of lattice_march.cl, go through the slabs in order.
 // CPU twin: simulation::make_reference_solver.
-#include "lanes.cl"
+#include "lattice_links.cl"
 
 #define OWN_ROW 1u
 #define ROW(n) (2u << (n))
@@ -57,7 +57,6 @@
 #define ROW_IF(n, slots) ((SLOTS & (slots)) != 0u ? ROW(n) | WRITES(n) : 0u)
 #define WHOLE (ROW_IF(0, 0xEu) | ROW_IF(1, 0x70u) | ROW_IF(2, 0x680u) | ROW_IF(3, 0x1900u))
 
-#define HAS(slot) ((SLOTS >> (slot)) & 1u)
 #if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING) || defined(SCALED_DRAG) || defined(SCALED_MASS)
 #define SCALED
 #endif
@@ -65,16 +64,6 @@
 typedef struct {
   float stiffness, rest_scale, rest_offset, damping, step;
 } Law;
-
-/// Where a slot is stored: the used ones before it.
-uint rank_of(const uint slot) {
-  uint rank = 0;
-#pragma unroll
-  for (uint before = 0; before < 13; ++before)
-    if (before < slot) rank += HAS(before);
-  return rank;
-}
-#define STORED_SLOTS rank_of(13)
 
 #ifdef IMPLICIT
 #include "implicit_lattice.cl"
@@ -241,8 +230,6 @@ __attribute__((always_inline)) void links_to_row(
 
 #ifndef IMPLICIT
 /// Links that leave the stencil, one by one.
-/// Each: partner's segment and lane, rest length (mm), offset of its site as
-/// three signed numbers of 16 bits, own lane.
 void overflow_links(Vector* force, __global const float* restrict source, __global const float* restrict factors,
                     const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
                     const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
@@ -250,24 +237,14 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
   float sums[3 * LANES];
   for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
   for (uint n = begin; n < end; ++n) {
-    const uint4 link = overflow[n];
-    const float rest_length = as_float(link.y);
-    if (rest_length == 0.0f) continue;
-    const uint lane = link.w >> 16;
-    __global const float* own = source + segment * 6 * LANES + lane;
-    __global const float* other = source + link.x / LANES * 6 * LANES + link.x % LANES;
-    const float4 apart = (float)((int)(link.z << 16) >> 16) * step_x + (float)((int)link.z >> 16) * step_y +
-                         (float)((int)(link.w << 16) >> 16) * step_z;
-    const float dx = other[0] - own[0] + apart.x;
-    const float dy = other[LANES] - own[LANES] + apart.y;
-    const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
-    const float over_length = rsqrt(dx * dx + dy * dy + dz * dz + 1e-30f);
-    float elastic = law.stiffness * (1.0f - length_scale * rest_length * over_length);
+    const OverflowLink link = overflow_link(source, segment, overflow[n], step_x, step_y, step_z);
+    if (link.rest_length == 0.0f) continue;
+    const float over_length = rsqrt(link.dx * link.dx + link.dy * link.dy + link.dz * link.dz + 1e-30f);
+    float elastic = law.stiffness * (1.0f - length_scale * link.rest_length * over_length);
     float viscous = 4.0f * law.damping * over_length * over_length *
-                    (dx * (other[3 * LANES] - own[3 * LANES]) + dy * (other[4 * LANES] - own[4 * LANES]) +
-                     dz * (other[5 * LANES] - own[5 * LANES]));
+                    (link.dx * link.ux + link.dy * link.uy + link.dz * link.uz);
 #ifdef SCALED
-    const float mean = 0.5f * (factors[segment * LANES + lane] + factors[link.x]);
+    const float mean = 0.5f * (factors[link.own] + factors[link.other]);
 #ifdef SCALED_STIFFNESS
     elastic *= mean;
 #endif
@@ -276,20 +253,11 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
 #endif
 #endif
     const float factor = elastic + viscous;
-    sums[lane] += dx * factor;
-    sums[LANES + lane] += dy * factor;
-    sums[2 * LANES + lane] += dz * factor;
+    sums[link.lane] += link.dx * factor;
+    sums[LANES + link.lane] += link.dy * factor;
+    sums[2 * LANES + link.lane] += link.dz * factor;
   }
-#if LANES == 1
-  const Vector extra = {sums[0], sums[1], sums[2]};
-#elif LANES == 4
-  const Vector extra = {vload4(0, sums), vload4(1, sums), vload4(2, sums)};
-#elif LANES == 8
-  const Vector extra = {vload8(0, sums), vload8(1, sums), vload8(2, sums)};
-#else
-  const Vector extra = {vload16(0, sums), vload16(1, sums), vload16(2, sums)};
-#endif
-  *force = sum(*force, extra);
+  *force = sum(*force, vector_of(sums));
 }
 
 /// Writes the segment's target, once all its forces are known. `drag` is per unit of the point's mass;

@@ -12,17 +12,7 @@
 //   s         stiffness scale of a link: the mean of its ends' factors where SCALED_STIFFNESS
 // Work-item: a share of the segments. Preconditions: as lattice.cl.
 // CPU twin: Solver::link_health of simulation::make_reference_solver.
-#include "lanes.cl"
-
-#define HAS(slot) ((SLOTS >> (slot)) & 1u)
-
-uint rank_of(const uint slot) {
-  uint rank = 0;
-#pragma unroll
-  for (uint before = 0; before < 13; ++before)
-    if (before < slot) rank += HAS(before);
-  return rank;
-}
+#include "lattice_links.cl"
 
 typedef struct {
   Place place;
@@ -82,29 +72,18 @@ float4 overflow_sums(__global const float* states, __global const float* freedom
                      const float length_scale, const float4 step_x, const float4 step_y, const float4 step_z) {
   float4 result = (float4)(0.0f);
   for (uint n = begin; n < end; ++n) {
-    const uint4 link = overflow[n];
-    const float rest_length = as_float(link.y);
-    if (rest_length == 0.0f) continue;
-    const uint lane = link.w >> 16;
-    const uint own_lane = segment * LANES + lane;
-    __global const float* own = states + segment * 6 * LANES + lane;
-    __global const float* other = states + link.x / LANES * 6 * LANES + link.x % LANES;
-    const float4 apart = (float)((int)(link.z << 16) >> 16) * step_x + (float)((int)link.z >> 16) * step_y +
-                         (float)((int)(link.w << 16) >> 16) * step_z;
-    const float dx = other[0] - own[0] + apart.x;
-    const float dy = other[LANES] - own[LANES] + apart.y;
-    const float dz = other[2 * LANES] - own[2 * LANES] + apart.z;
-    const float length = sqrt(dx * dx + dy * dy + dz * dz);
-    const float stretch = length - length_scale * rest_length;
+    const OverflowLink link = overflow_link(states, segment, overflow[n], step_x, step_y, step_z);
+    if (link.rest_length == 0.0f) continue;
+    const float length = sqrt(link.dx * link.dx + link.dy * link.dy + link.dz * link.dz);
+    const float stretch = length - length_scale * link.rest_length;
     float stiffness = 1.0f;
 #ifdef SCALED_STIFFNESS
-    stiffness = 0.5f * (factors[own_lane] + factors[link.x]);
+    stiffness = 0.5f * (factors[link.own] + factors[link.other]);
 #endif
     result.x += 0.5f * stiffness * stretch * stretch;  // each link is met from both ends
-    if (freedom[own_lane] != 1.0f || freedom[link.x] != 1.0f) continue;
-    const float along = dx * (other[3 * LANES] - own[3 * LANES]) + dy * (other[4 * LANES] - own[4 * LANES]) +
-                        dz * (other[5 * LANES] - own[5 * LANES]);
-    result.y = max(result.y, fabs(along) / max(length * rest_length, 1e-30f));
+    if (freedom[link.own] != 1.0f || freedom[link.other] != 1.0f) continue;
+    const float along = link.dx * link.ux + link.dy * link.uy + link.dz * link.uz;
+    result.y = max(result.y, fabs(along) / max(length * link.rest_length, 1e-30f));
   }
   return result;
 }
@@ -139,7 +118,7 @@ __kernel void link_health(__global const Lanes* restrict states, __global const 
     next.place.x = moved(next.place.x, step_x);
     End previous = previous_end(own, end_in(states, freedom, factors, segment - 1));
     previous.place.x = moved(previous.place.x, -step_x);
-    __global const Stored* lengths = rest + rank_of(13) * segment;
+    __global const Stored* lengths = rest + STORED_SLOTS * segment;
 #define ADD(a, b, slot) \
   if (HAS(slot)) add_links(a, b, lengths[rank_of(slot)], quantum, offset, length_scale, &elastic, &rate);
     ADD(own, next, 0)

@@ -1,5 +1,7 @@
 #include "implicit_lattice.hpp"
 
+#include "lattice_passes.hpp"
+
 #include <algorithm>
 #include <cstdint>
 #include <string>
@@ -10,17 +12,6 @@ namespace {
 
 constexpr std::uint32_t parts = 256;  // of the search for the largest bound
 constexpr std::size_t together = 4;   // iterations that go through the slabs one behind the other
-
-/// Passes over the slabs, each a slab behind the one before it, while the slab
-/// is in the caches: what waits for the next slab's first plane is not in the
-/// way of another pass, and what an iteration writes over is behind all that
-/// the one before it still reads.
-template <typename Launch>
-void staggered(std::size_t passes, std::size_t slabs, const Launch& launch) {
-  for (std::size_t turn = 0; turn + 1 < slabs + passes; ++turn)
-    for (std::size_t n = 0; n < passes; ++n)
-      if (turn >= n && turn - n < slabs) launch(n, turn - n);
-}
 
 }  // namespace
 

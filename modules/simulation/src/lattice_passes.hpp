@@ -35,4 +35,16 @@ bool ends_beside(Integrator integrator) noexcept;
 /// The step that goes back: y and s2 change places.
 std::vector<Pass> back(std::vector<Pass> passes);
 
+/// Passes over the slabs, each a slab behind the one before it, while the slab
+/// is in the caches. One slab behind is enough: a pass needs of the one before
+/// it the slab and the next one's first plane. So what waits there is not in the
+/// way of another pass, and what an implicit iteration writes over is behind
+/// all that the one before it still reads.
+template <typename Launch>
+void staggered(std::size_t passes, std::size_t slabs, const Launch& launch) {
+  for (std::size_t turn = 0; turn + 1 < slabs + passes; ++turn)
+    for (std::size_t n = 0; n < passes; ++n)
+      if (turn >= n && turn - n < slabs) launch(n, turn - n);
+}
+
 }  // namespace palpate::simulation

@@ -196,11 +196,8 @@ class LatticeSolver final : public DeviceSolver {
     if (parameters_in_use_.beat_amplitude != 0.0)
       for (Stage& stage : stages)
         set_beat(stage, rest_scale_at(parameters_in_use_, time_s + stage.at * step_s));
-    // A stage needs of the one before it the slab and the next one's first plane: one slab behind is enough.
-    const std::size_t slabs = schedule_.slabs.size();
-    for (std::size_t turn = 0; turn + 1 < slabs + stages.size(); ++turn)
-      for (std::size_t n = 0; n < stages.size(); ++n)
-        if (turn >= n && turn - n < slabs) launch(stages[n], turn - n);
+    staggered(stages.size(), schedule_.slabs.size(),
+              [&](std::size_t n, std::size_t slab) { launch(stages[n], slab); });
     if (!scheme_->back.empty()) is_beside_ = !is_beside_;
   }
 
