@@ -4,6 +4,7 @@
 
 #include "palpate/compute/device.hpp"
 #include "palpate/core/error.hpp"
+#include "palpate/simulation/sag.hpp"
 
 #include <cmath>
 
@@ -178,6 +179,14 @@ session::RunResult run_request(const SimulationOptions& simulation, const Prepar
     else if (!request.steps)
       request.steps = standard_steps;
   }
+  const auto& tissue = prepared.tissue;
+  const auto sag = simulation::sag_under_gravity(*tissue.tissue, tissue.statistics, tissue.material.anchors,
+                                                 recipe.simulation.parameters);
+  if (sag.is_too_soft())
+    console.warn("too-soft",
+                 "This stiffness is too low for this gravity: the tissue would stretch by about " +
+                     shown(sag.sag_mm, 2) + " mm. --stiffness " + shown(sag.stiffness_per_s2, 2) +
+                     " keeps it in shape.");
   auto result = session::run(prepared.tissue, prepared.surface, recipe.simulation, request, progress);
   console.warn(result.warnings);
   if (result.recoveries > 0 && !result.diverged) console.warn("recovered", result.message);

@@ -211,6 +211,19 @@ TEST_F(Engine, GravityWithoutAnythingFixedIsSaid) {
   EXPECT_FALSE(find<QLabel>("fallNote").isVisible());
 }
 
+TEST_F(Engine, TissueThatIsTooSoftForItsGravityIsSaid) {
+  fix_lower_half();
+  build_tissue();
+  ASSERT_TRUE(wait_for([this] { return anchor_count() > 0; }));
+  find<QDoubleSpinBox>("stiffnessSpin").setValue(1e3);
+  choose("gravityCombo", 2);
+  const auto& note = find<QLabel>("fallNote");
+  EXPECT_TRUE(note.isVisible());
+  EXPECT_TRUE(note.text().contains("stiffness of")) << note.text().toStdString();
+  find<QDoubleSpinBox>("stiffnessSpin").setValue(1e8);
+  EXPECT_FALSE(note.isVisible());
+}
+
 TEST_F(Engine, AStepAboveTheLimitIsWarnedOfBeforeTheRun) {
   build_tissue();
   const double limit_ms = workbench().last_frame()->stable_step_s * 1000.0;

@@ -161,6 +161,11 @@ TEST(CliTissue, AnchorsHoldTissueAgainstItsWeight) {
   const auto top = scan.simulate(with(fall, {"--anchor", scan.path("top.mha")}));
   EXPECT_EQ(top.at("anchors"), 100);
   EXPECT_LT(top.at("max_displacement_mm").get<double>(), 150.0);
+  const auto softness = [](const auto& run) {
+    return run.at("warnings").dump().find("too-soft") != std::string::npos;
+  };
+  EXPECT_TRUE(softness(top)) << "sags by more than a third of itself";
+  EXPECT_FALSE(softness(border)) << "held all round";
   EXPECT_GT(top.at("max_displacement_mm").get<double>(), border.at("max_displacement_mm").get<double>());
   EXPECT_EQ(scan.simulate(with(fall, {"--anchor", "none"})).at("anchors"), 0);
 }

@@ -3,6 +3,8 @@
 #include "text.hpp"
 #include "ui_simulate_panel.h"
 
+#include "palpate/simulation/sag.hpp"
+
 #include <QFileDialog>
 #include <QFileInfo>
 #include <QSignalBlocker>
@@ -71,6 +73,7 @@ void SimulatePanel::show_anchors() {
   const auto& settings = workbench_.recipe().simulation;
   ui_->anchorCombo->setCurrentIndex(static_cast<int>(settings.anchors.rule));
   ui_->clearAnchorsButton->setVisible(!settings.anchors.painted.empty());
+  ui_->anchorCombo->setItemText(0, settings.anchors.painted.empty() ? tr("Nothing") : tr("What is painted"));
   QStringList lines;
   if (settings.anchors.rule == Rule::file)
     lines << QString::fromStdString(settings.anchors.file.filename().string());
@@ -82,7 +85,20 @@ void SimulatePanel::show_anchors() {
                  .arg(grouped(count), grouped(workbench_.tissue()->statistics.points));
   set_text(ui_->anchorLabel, lines.join(QLatin1Char('\n')));
   const bool falls = workbench_.has_tissue() && count == 0 && !settings.parameters.gravity_mm_per_s2.isZero();
-  set_text(ui_->fallNote, falls ? tr("Nothing is fixed, so the tissue will fall out of view.") : QString());
+  QString note;
+  if (falls) {
+    note = tr("Nothing is fixed, so the tissue will fall out of view.");
+  } else if (workbench_.has_tissue() && count > 0) {
+    const auto sag =
+        simulation::sag_under_gravity(*workbench_.tissue()->tissue, workbench_.tissue()->statistics,
+                                      *workbench_.anchors(), settings.parameters);
+    if (sag.is_too_soft())
+      note =
+          tr("Too soft for this gravity: it would stretch by about %1. A stiffness of %2 keeps it in shape.")
+              .arg(describe_length(sag.sag_mm, workbench_.info(), 0),
+                   grouped(static_cast<qulonglong>(sag.stiffness_per_s2)) + QStringLiteral(" /s²"));
+  }
+  set_text(ui_->fallNote, note);
 }
 
 void SimulatePanel::show_limit() {
