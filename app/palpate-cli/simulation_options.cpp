@@ -180,13 +180,14 @@ session::RunResult run_request(const SimulationOptions& simulation, const Prepar
       request.steps = standard_steps;
   }
   const auto& tissue = prepared.tissue;
-  const auto sag = simulation::sag_under_gravity(*tissue.tissue, tissue.statistics, tissue.material.anchors,
-                                                 recipe.simulation.parameters);
-  if (sag.is_too_soft())
-    console.warn("too-soft",
-                 "This stiffness is too low for this gravity: the tissue would stretch by about " +
-                     shown(sag.sag_mm, 2) + " mm. --stiffness " + shown(sag.stiffness_per_s2, 2) +
-                     " keeps it in shape.");
+  const auto sag =
+      simulation::sag_under_gravity(*tissue.tissue, tissue.material.anchors, recipe.simulation.parameters);
+  if (!std::isfinite(sag.strain))
+    console.warn("too-soft", "Nothing holds the tissue against this gravity.");
+  else if (sag.is_too_soft())
+    console.warn("too-soft", "The tissue is too soft for this gravity: it would stretch by about " +
+                                 shown(sag.sag_mm, 2) + " mm. It takes --stiffness " +
+                                 shown(sag.stiffness_per_s2, 2) + " at least, or more that is anchored.");
   auto result = session::run(prepared.tissue, prepared.surface, recipe.simulation, request, progress);
   console.warn(result.warnings);
   if (result.recoveries > 0 && !result.diverged) console.warn("recovered", result.message);

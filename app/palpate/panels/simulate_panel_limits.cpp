@@ -89,12 +89,14 @@ void SimulatePanel::show_anchors() {
   if (falls) {
     note = tr("Nothing is fixed, so the tissue will fall out of view.");
   } else if (workbench_.has_tissue() && count > 0) {
-    const auto sag =
-        simulation::sag_under_gravity(*workbench_.tissue()->tissue, workbench_.tissue()->statistics,
-                                      *workbench_.anchors(), settings.parameters);
-    if (sag.is_too_soft())
+    const auto sag = simulation::sag_under_gravity(*workbench_.tissue()->tissue, *workbench_.anchors(),
+                                                   settings.parameters);
+    if (!std::isfinite(sag.strain))
+      note = tr("Nothing holds the tissue against this gravity.");
+    else if (sag.is_too_soft())
       note =
-          tr("Too soft for this gravity: it would stretch by about %1. A stiffness of %2 keeps it in shape.")
+          tr("Too soft for this gravity: it would stretch by about %1. It takes a stiffness of at least %2, "
+             "or more that is fixed.")
               .arg(describe_length(sag.sag_mm, workbench_.info(), 0),
                    grouped(static_cast<qulonglong>(sag.stiffness_per_s2)) + QStringLiteral(" /s²"));
   }

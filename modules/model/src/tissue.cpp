@@ -86,10 +86,6 @@ TissueStatistics statistics_of(const Tissue& tissue) {
   statistics.mean_links_per_point = 2.0 * static_cast<double>(statistics.links) / static_cast<double>(count);
   statistics.isolated = static_cast<std::size_t>(std::count(degree.begin(), degree.end(), 0U));
 
-  double squares = 0.0;
-  for (const float length : tissue.links.rest_lengths_mm) squares += static_cast<double>(length) * length;
-  statistics.square_length_per_point_mm2 = squares / static_cast<double>(count);
-
   const Components components = components_of(tissue.links, count);
   statistics.components = components.sizes.size();
   statistics.largest_component = components.sizes.front();

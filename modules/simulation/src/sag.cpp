@@ -3,37 +3,53 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace palpate::simulation {
+namespace {
 
-Sag sag_under_gravity(const model::Tissue& tissue, const model::TissueStatistics& statistics,
-                      const std::vector<std::uint32_t>& anchors, const Parameters& parameters) {
+double rounded_up(double value) {
+  const double digit = std::pow(10.0, std::floor(std::log10(value)));
+  return std::ceil(value / digit) * digit;
+}
+
+}  // namespace
+
+Sag sag_under_gravity(const model::Tissue& tissue, const std::vector<std::uint32_t>& anchors,
+                      const Parameters& parameters) {
   Sag result;
   const double gravity = parameters.gravity_mm_per_s2.norm();
-  const double links = statistics.square_length_per_point_mm2;
-  if (!(gravity > 0.0) || !(links > 0.0) || anchors.empty()) return result;
-  const Eigen::Vector3f down = (parameters.gravity_mm_per_s2 / gravity).cast<float>();
   const auto& places = tissue.points.positions_mm;
-  const auto depth = [&](std::size_t point) { return static_cast<double>(places[point].dot(down)); };
-  auto [highest, lowest] = std::pair{depth(anchors.front()), depth(anchors.front())};
-  for (const std::uint32_t point : anchors) {
-    highest = std::min(highest, depth(point));
-    lowest = std::max(lowest, depth(point));
-  }
-  for (std::size_t point = 0; point < places.size(); ++point)
-    result.height_mm = std::max({result.height_mm, depth(point) - lowest, highest - depth(point)});
+  if (!(gravity > 0.0) || anchors.empty() || anchors.size() >= places.size()) return result;
+  const Eigen::Vector3f down = (parameters.gravity_mm_per_s2 / gravity).cast<float>();
 
-  // A strain e along gravity stretches a link of length L at an angle t by L e cos^2 t. With links in
-  // all directions alike, the mean of cos^4 t is 1/5: a point's links hold k/m sum L^2 e^2/10.
-  const double modulus = parameters.stiffness_per_s2 / parameters.mass * links / 5.0;  // mm^2/s^2
-  const double weight = gravity * result.height_mm * result.height_mm / 2.0;
-  if (weight > 0.0)
-    result.sag_mm = modulus > 0.0 ? weight / modulus : std::numeric_limits<double>::infinity();
-  if (!(result.height_mm > 0.0)) return result;
-  const double enough = weight / (0.1 * result.height_mm) * parameters.mass * 5.0 / links;
-  const double digit = std::pow(10.0, std::floor(std::log10(enough)));
-  result.stiffness_per_s2 = std::max(1.0, std::ceil(enough / digit) * digit);
+  std::vector<bool> is_anchor(places.size(), false);
+  for (const std::uint32_t point : anchors) is_anchor[point] = true;
+  // Of the links between anchors and the rest: sums of cos^2 and of cos^2 times the length along gravity.
+  double carrying = 0.0;
+  double lengths_mm = 0.0;
+  for (const auto& [first, second] : tissue.links.pairs) {
+    if (is_anchor[first] == is_anchor[second]) continue;
+    const Eigen::Vector3f apart = places[second] - places[first];
+    const double length = apart.norm();
+    if (!(length > 0.0)) continue;
+    const double along = std::abs(static_cast<double>(apart.dot(down)));
+    carrying += along * along / (length * length);
+    lengths_mm += along * along / (length * length) * along;
+  }
+  double highest = std::numeric_limits<double>::infinity();
+  double lowest = -highest;
+  for (const auto& place : places) {
+    const auto depth = static_cast<double>(place.dot(down));
+    highest = std::min(highest, depth);
+    lowest = std::max(lowest, depth);
+  }
+  const double weight = static_cast<double>(places.size() - anchors.size()) * parameters.mass * gravity;
+  // Stretched by e, the links carry k e sum cos^2; e over their mean length along gravity is the strain.
+  const double per_strain = lengths_mm > 0.0 ? lengths_mm : 0.0;
+  const double force = parameters.stiffness_per_s2 * per_strain;
+  result.strain = force > 0.0 ? weight / force : std::numeric_limits<double>::infinity();
+  result.sag_mm = 0.5 * result.strain * (lowest - highest);  // the strain falls to nothing at the free end
+  if (per_strain > 0.0) result.stiffness_per_s2 = std::max(1.0, rounded_up(5.0 * weight / per_strain));
   return result;
 }
 

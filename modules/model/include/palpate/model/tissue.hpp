@@ -70,7 +70,6 @@ struct TissueStatistics {
   std::size_t isolated = 0;
   Eigen::Vector3d bounds_min_mm = Eigen::Vector3d::Zero();  ///< LPS
   Eigen::Vector3d bounds_max_mm = Eigen::Vector3d::Zero();
-  double square_length_per_point_mm2 = 0.0;  ///< squared rest lengths of all links by the number of points
   std::size_t bytes = 0;  ///< of points, links and the solver's device arrays
 };
 TissueStatistics statistics_of(const Tissue& tissue);
