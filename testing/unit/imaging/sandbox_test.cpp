@@ -97,13 +97,12 @@ TEST_F(Sandbox, RefusesWhatAReaderDoesNotNeed) {
       {"kill parent", [&] { return failure(kill(parent, 0)); }},
       {"kill all", [] { return failure(kill(-1, 0)); }},
       {"ptrace", [&] { return failure(ptrace(PTRACE_ATTACH, parent, nullptr, nullptr)); }},
-      {"more memory files", [] { return failure(memfd_create("x", 0)); }},
-      {"write elsewhere", [&] {
-         // A descriptor beyond those that the parent gave.
-         const int number = fcntl(1, F_DUPFD, 50);
-         return failure(write(number, "x", 1));
-       }}};
+      {"more memory files", [] { return failure(memfd_create("x", 0)); }}};
   for (const auto& [what, attempt] : tries) EXPECT_EQ(within(attempt), EPERM) << what;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  // A descriptor beyond those that the parent gave; sanitizers have a pipe of their own, of any number.
+  EXPECT_EQ(within([] { return failure(write(fcntl(1, F_DUPFD, 50), "x", 1)); }), EPERM) << "write elsewhere";
+#endif
   std::ifstream still(file_);
   std::string word;
   still >> word;
