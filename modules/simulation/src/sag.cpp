@@ -24,8 +24,8 @@ Sag sag_under_gravity(const model::Tissue& tissue, const std::vector<std::uint32
 
   std::vector<bool> is_anchor(places.size(), false);
   for (const std::uint32_t point : anchors) is_anchor[point] = true;
-  // Of the links between anchors and the rest: sums of cos^2 and of cos^2 times the length along gravity.
-  double carrying = 0.0;
+  // Stretched by e, the links between anchors and the rest carry k e sum cos^2, and are longer by a part
+  // e/l along gravity, l being their mean length along it, weighted by cos^2: k sum cos^2 l per strain.
   double lengths_mm = 0.0;
   for (const auto& [first, second] : tissue.links.pairs) {
     if (is_anchor[first] == is_anchor[second]) continue;
@@ -33,7 +33,6 @@ Sag sag_under_gravity(const model::Tissue& tissue, const std::vector<std::uint32
     const double length = apart.norm();
     if (!(length > 0.0)) continue;
     const double along = std::abs(static_cast<double>(apart.dot(down)));
-    carrying += along * along / (length * length);
     lengths_mm += along * along / (length * length) * along;
   }
   double highest = std::numeric_limits<double>::infinity();
@@ -44,12 +43,10 @@ Sag sag_under_gravity(const model::Tissue& tissue, const std::vector<std::uint32
     lowest = std::max(lowest, depth);
   }
   const double weight = static_cast<double>(places.size() - anchors.size()) * parameters.mass * gravity;
-  // Stretched by e, the links carry k e sum cos^2; e over their mean length along gravity is the strain.
-  const double per_strain = lengths_mm > 0.0 ? lengths_mm : 0.0;
-  const double force = parameters.stiffness_per_s2 * per_strain;
-  result.strain = force > 0.0 ? weight / force : std::numeric_limits<double>::infinity();
+  const double per_strain = parameters.stiffness_per_s2 * lengths_mm;
+  result.strain = per_strain > 0.0 ? weight / per_strain : std::numeric_limits<double>::infinity();
   result.sag_mm = 0.5 * result.strain * (lowest - highest);  // the strain falls to nothing at the free end
-  if (per_strain > 0.0) result.stiffness_per_s2 = std::max(1.0, rounded_up(5.0 * weight / per_strain));
+  if (lengths_mm > 0.0) result.stiffness_per_s2 = std::max(1.0, rounded_up(5.0 * weight / lengths_mm));
   return result;
 }
 
