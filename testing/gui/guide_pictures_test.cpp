@@ -2,6 +2,7 @@
 // as the guide tells it. PALPATE_PICTURES names the folder that keeps them;
 // without it they go with the test.
 #include "panels/side_panel.hpp"
+#include "text.hpp"
 #include "window_fixture.hpp"
 
 #include <QCheckBox>
@@ -87,6 +88,29 @@ TEST_F(GuidePictures, FromTheFileToThePulledHeart) {
   ASSERT_TRUE(wait_for([this] { return !workbench().playing(); }));
   click("showLinks");
   take("links");
+}
+
+TEST_F(GuidePictures, FixedPointsAndThePointThatLimitsTheStep) {
+  open_shipped_sample();
+  click("applyFilterButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().estimate().has_value() && idle(); }));
+  click("buildButton");
+  ASSERT_TRUE(wait_for([this] { return workbench().simulation_ready() && workbench().last_frame(); }, 60000));
+  ASSERT_TRUE(wait_for([this] { return workbench().step_limit().has_value() && idle(); }, 60000));
+  trigger("tool4");
+  auto& view = window().views().tissue_view();
+  const QPoint wall(view.width() / 2, view.height() * 5 / 8);
+  drag(view, wall, {50, 0});
+  QTest::mouseRelease(&view, Qt::LeftButton, Qt::NoModifier, wall + QPoint(50, 0));
+  ASSERT_TRUE(wait_for([this] { return workbench().anchors() && !workbench().anchors()->empty(); }));
+  click("limitButton");
+  // The strip at the bottom follows a little later.
+  ASSERT_TRUE(wait_for([this] {
+    const auto limit = workbench().step_limit();
+    return limit && limit->is_estimate && idle() &&
+           find<QAbstractButton>("stepGauge").text().contains(gui::short_time(limit->step_s));
+  }));
+  take("anchors");
 }
 
 }  // namespace
