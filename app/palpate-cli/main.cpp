@@ -3,6 +3,7 @@
 #include "options.hpp"
 #include "values.hpp"
 
+#include "palpate/compute/driver_threads.hpp"
 #include "palpate/core/error.hpp"
 
 #include <algorithm>
@@ -197,4 +198,7 @@ bool parse_or_help(const OptionSet& options, const Call& call) {
 
 }  // namespace palpate::cli
 
-int main(int argc, char** argv) { return palpate::cli::run_program(argc, argv); }
+int main(int argc, char** argv) {
+  palpate::compute::bind_driver_threads();
+  return palpate::cli::run_program(argc, argv);
+}

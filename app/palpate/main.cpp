@@ -2,6 +2,8 @@
 #include "main_window.hpp"
 #include "theme.hpp"
 
+#include "palpate/compute/driver_threads.hpp"
+
 #include <QApplication>
 #include <QCommandLineParser>
 #include <QDir>
@@ -37,8 +39,7 @@ void describe(QCommandLineParser& parser) {
   parser.addOption({QStringLiteral("device"),
                     QStringLiteral("OpenCL device by number or name, or \"reference\"."),
                     QStringLiteral("DEVICE")});
-  parser.addPositionalArgument(QStringLiteral("scan"),
-                               QStringLiteral("A file, a folder, or a session."),
+  parser.addPositionalArgument(QStringLiteral("scan"), QStringLiteral("A file, a folder, or a session."),
                                QStringLiteral("[scan]"));
 }
 
@@ -60,6 +61,7 @@ int main(int argc, char** argv) {
     parser.process(application);
     return 0;
   }
+  palpate::compute::bind_driver_threads();
   palpate::gui::prepare_application();
   QApplication application(argc, argv);
   parser.process(application);
