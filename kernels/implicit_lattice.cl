@@ -83,10 +83,10 @@ __attribute__((always_inline)) Vector force_of(const Place a, const Place b, con
 }
 
 /// As in lattice.cl: links that leave the stencil, one by one.
-void overflow_links(Vector* force, __global const float* restrict source, __global const float* restrict factors,
-                    const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
-                    const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
-                    const Law law) {
+Vector overflow_links(__global const float* restrict source, __global const float* restrict factors,
+                      const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
+                      const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
+                      const Law law) {
   float sums[3 * LANES];
   for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
   for (uint n = begin; n < end; ++n) {
@@ -137,7 +137,7 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
     sums[2 * LANES + link.lane] += dz * factor + across * uz;
 #endif
   }
-  *force = sum(*force, vector_of(sums));
+  return vector_of(sums);
 }
 
 /// The segment's part of a pass, once the sums over its links are known; drag

@@ -18,7 +18,7 @@
 // Symbols     arguments                      units
 //   S B T     source, base, target           mm, mm/s; x y z vx vy vz of LANES lanes a segment
 //   S2 S3     second, third                  stages of RK4, as S
-//   F so far  waiting                        mm/s^2; x y z a segment; zero before and after
+//   F so far  waiting                        mm/s^2; x y z a segment, as far as FIRST and WAITS say
 //   L         rest: slots of a segment       L = q n + o, n = 0 for no link
 //   k         stiffness                      1/s^2
 //   k q, k o  rest_scale, rest_offset, half  mm/s^2 (times the beat's scale)
@@ -43,7 +43,10 @@
 // every sum has one order.
 // Preconditions: segment 0 and the one after the last are zero; a chunk ends with
 // an entry without flags, which only completes the one before it; chunks of a
-// launch own different rows; launches, or the tasks of lattice_march.cl, go through the slabs in order.
+// launch own different rows; launches, or the tasks of lattice_march.cl, go
+// through the slabs in order. The target may be the source where the step has one
+// pass, a slab one chunk and nothing overflows: nobody looks at a place again
+// once its forces are whole.
 // CPU twin: simulation::make_reference_solver.
 #include "lattice_links.cl"
 
@@ -52,10 +55,15 @@
 #define OWN 32u
 #define WRITES(n) (64u << (n))
 #define OVERFLOWS 1024u
+#define FIRST(n) (2048u << (n))  // nothing waits in that row yet
+#define WAITS 32768u             // something waits here
 
 // Rows that have slots, and what a segment needs for the way without questions.
 #define ROW_IF(n, slots) ((SLOTS & (slots)) != 0u ? ROW(n) | WRITES(n) : 0u)
 #define WHOLE (ROW_IF(0, 0xEu) | ROW_IF(1, 0x70u) | ROW_IF(2, 0x680u) | ROW_IF(3, 0x1900u))
+// Of the rows that leave forces in a row inside the tissue the one that comes first.
+#define FIRST_ROW ((SLOTS & 0x680u) != 0u ? 2u : (SLOTS & 0x70u) != 0u ? 1u : (SLOTS & 0x1900u) != 0u ? 3u : 0u)
+#define ANY_FIRST (15u * FIRST(0))
 
 #if defined(SCALED_STIFFNESS) || defined(SCALED_DAMPING) || defined(SCALED_DRAG) || defined(SCALED_MASS)
 #define SCALED
@@ -79,8 +87,7 @@ __attribute__((always_inline)) Vector force_of(const Place a, const Place b, con
   const Lanes two_over_length = 2.0f * rsqrt(squared);
 #else
   const Lanes rough = ROUGH_RSQRT(squared);
-  const Lanes error = 1.0f - squared * rough * rough;
-  const Lanes two_over_length = rough * error + (rough + rough);
+  const Lanes two_over_length = rough * (3.0f - squared * rough * rough);
 #endif
   const Whole steps = TO_WHOLE(rest);
   const Lanes pull = law.rest_scale * TO_LANES(rest) + law.rest_offset;
@@ -182,12 +189,13 @@ typedef struct {
 __attribute__((always_inline)) void links_to_row(
     Work* work, __global const Lanes* source, __global const Lanes* factors, __global Lanes* waiting,
     __global const Stored* rest, const uint segment, const uint row, const uint target, const float4 row_step,
-    const uint components, const uint straight, const uint ahead, const uint behind, const Law law) {
+    const uint components, const uint straight, const uint ahead, const uint behind, const bool is_first,
+    const Law law) {
   Place there = place_in(source, row);
   there.x = moved_by(there.x, row_step, components);
   const Lanes factors_there = FACTORS_IN(row);
   __global Lanes* sums = waiting + 3 * target;
-  Vector on_them = loaded(sums);
+  Vector on_them = is_first ? zero_vector() : loaded(sums);
   if (HAS(straight)) {
     const Vector force = force_of(there, place_in(source, segment), factors_there, work->factors_here,
                                   rest[rank_of(straight)], law);
@@ -214,8 +222,8 @@ __attribute__((always_inline)) void links_to_row(
 #define SEGMENTS_AHEAD 2u
 #if LANES > 1 && defined(__has_builtin)
 #if __has_builtin(__builtin_prefetch)
-#define WILL_USE(from, bytes)                                 \
-  for (size_t line = 0; line < (bytes); line += 64)           \
+#define WILL_USE(from, bytes)                                         \
+  _Pragma("unroll") for (size_t line = 0; line < (bytes); line += 64) \
     __builtin_prefetch((const void*)((size_t)(from) + line));
 #endif
 #endif
@@ -230,10 +238,10 @@ __attribute__((always_inline)) void links_to_row(
 
 #ifndef IMPLICIT
 /// Links that leave the stencil, one by one.
-void overflow_links(Vector* force, __global const float* restrict source, __global const float* restrict factors,
-                    const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
-                    const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
-                    const Law law) {
+Vector overflow_links(__global const float* restrict source, __global const float* restrict factors,
+                      const uint segment, const uint begin, const uint end, __global const uint4* restrict overflow,
+                      const float4 step_x, const float4 step_y, const float4 step_z, const float length_scale,
+                      const Law law) {
   float sums[3 * LANES];
   for (uint n = 0; n < 3 * LANES; ++n) sums[n] = 0.0f;
   for (uint n = begin; n < end; ++n) {
@@ -257,7 +265,7 @@ void overflow_links(Vector* force, __global const float* restrict source, __glob
     sums[LANES + link.lane] += link.dy * factor;
     sums[2 * LANES + link.lane] += link.dz * factor;
   }
-  *force = sum(*force, vector_of(sums));
+  return vector_of(sums);
 }
 
 /// Writes the segment's target, once all its forces are known. `drag` is per unit of the point's mass;
@@ -372,18 +380,20 @@ __attribute__((always_inline)) void walk(
       WILL_USE(second + soon, 6 * sizeof(Lanes))
       WILL_USE(third + soon, 6 * sizeof(Lanes))
     }
-#define DO_ROW(target, component, row_step, components, straight, ahead, behind)                              \
+#define DO_ROW(target, is_first, component, row_step, components, straight, ahead, behind)                        \
   links_to_row(&work, source, factors, waiting, lengths, segment, beside.component, target, row_step, components, \
-               straight, ahead, behind, law);
-#define DO_ROW_IF(index, component, row_step, components, straight, ahead, behind)                              \
-  if ((HAS(straight) | HAS(ahead) | HAS(behind)) && (flags & ROW(index)))                                       \
-    DO_ROW(flags& WRITES(index) ? beside.component : trash, component, row_step, components, straight, ahead, \
-           behind)
-    if ((flags & WHOLE) == WHOLE) {
-      if (HAS(1) | HAS(2) | HAS(3)) DO_ROW(beside.x, x, step_y, ALONG_Y, 1, 2, 3)
-      if (HAS(4) | HAS(5) | HAS(6)) DO_ROW(beside.y, y, step_z, ALONG_Z, 4, 5, 6)
-      if (HAS(7) | HAS(9) | HAS(10)) DO_ROW(beside.z, z, step_y + step_z, ALONG_Y | ALONG_Z, 7, 9, 10)
-      if (HAS(8) | HAS(11) | HAS(12)) DO_ROW(beside.w, w, step_z - step_y, ALONG_Y | ALONG_Z, 8, 11, 12)
+               straight, ahead, behind, is_first, law);
+#define DO_ROW_IF(index, component, row_step, components, straight, ahead, behind)          \
+  if ((HAS(straight) | HAS(ahead) | HAS(behind)) && (flags & ROW(index)))                   \
+    DO_ROW(flags& WRITES(index) ? beside.component : trash, (flags & FIRST(index)) != 0u,   \
+           component, row_step, components, straight, ahead, behind)
+    if ((flags & (WHOLE | ANY_FIRST)) == (WHOLE | FIRST(FIRST_ROW))) {
+      if (HAS(1) | HAS(2) | HAS(3)) DO_ROW(beside.x, FIRST_ROW == 0u, x, step_y, ALONG_Y, 1, 2, 3)
+      if (HAS(4) | HAS(5) | HAS(6)) DO_ROW(beside.y, FIRST_ROW == 1u, y, step_z, ALONG_Z, 4, 5, 6)
+      if (HAS(7) | HAS(9) | HAS(10))
+        DO_ROW(beside.z, FIRST_ROW == 2u, z, step_y + step_z, ALONG_Y | ALONG_Z, 7, 9, 10)
+      if (HAS(8) | HAS(11) | HAS(12))
+        DO_ROW(beside.w, FIRST_ROW == 3u, w, step_z - step_y, ALONG_Y | ALONG_Z, 8, 11, 12)
     } else {
       DO_ROW_IF(0, x, step_y, ALONG_Y, 1, 2, 3)
       DO_ROW_IF(1, y, step_z, ALONG_Z, 4, 5, 6)
@@ -396,13 +406,11 @@ __attribute__((always_inline)) void walk(
     }
     if (previous_flags & OWN) {
       Vector force = opposed(pending, pulled(on_previous, work.on_previous));
-      __global Lanes* sums = waiting + 3 * previous;
-      force = sum(force, loaded(sums));
-      store(zero_vector(), sums);
+      if (previous_flags & WAITS) force = sum(force, loaded(waiting + 3 * previous));
       if (previous_flags & OVERFLOWS)
-        overflow_links(&force, (__global const float*)source, (__global const float*)factors, previous,
-                       overflow_begins[previous], overflow_begins[previous + 1], overflow, step_x, step_y, step_z,
-                       length_scale, law);
+        force = sum(force, overflow_links((__global const float*)source, (__global const float*)factors, previous,
+                                          overflow_begins[previous], overflow_begins[previous + 1], overflow,
+                                          step_x, step_y, step_z, length_scale, law));
       const Lanes free = all_free ? (Lanes)(1.0f) : freedom[previous];
 #ifdef SCALED_DRAG
       const Lanes own_drag = drag * FACTORS_IN(previous);

@@ -13,5 +13,9 @@ constexpr std::uint32_t writes_flag(std::size_t row) {
   return 64U << row;
 }  ///< the row beside it is the chunk's
 constexpr std::uint32_t overflow_flag = 1024;  ///< has links outside the stencil
+constexpr std::uint32_t first_flag(std::size_t row) {
+  return 2048U << row;
+}  ///< of all that leave forces in the row beside it, this one is the first
+constexpr std::uint32_t waits_flag = 32768;  ///< others left forces for it
 
 }  // namespace palpate::simulation

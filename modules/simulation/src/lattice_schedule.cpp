@@ -70,6 +70,25 @@ void add_slab(const LatticeLayout& layout, int z_begin, int z_end, std::size_t c
   schedule.slabs.push_back(slab);
 }
 
+/// Who is the first to leave forces for a segment, and for which there are any:
+/// so nothing need be cleared between passes.
+void mark_first(const LatticeLayout& layout, LatticeSchedule& schedule) {
+  std::vector<bool> has_forces(layout.segments + 2, false);
+  for (auto& [segment, flags] : schedule.entries) {
+    for (std::size_t row = 0; row < 4; ++row) {
+      if ((flags & row_flag(row)) == 0) continue;
+      if ((flags & writes_flag(row)) == 0) {
+        flags |= first_flag(row);  // goes where nobody reads
+        continue;
+      }
+      const std::uint32_t target = layout.rows[segment][row];
+      if (!has_forces[target]) flags |= first_flag(row);
+      has_forces[target] = true;
+    }
+    if ((flags & own_flag) != 0 && has_forces[segment]) flags |= waits_flag;
+  }
+}
+
 /// The planes that a link may span: one by the stencil, more in the overflow.
 int planes_spanned(const LatticeLayout& layout) {
   int most = 1;
@@ -99,6 +118,7 @@ LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in
     add_slab(layout, begin, end, chunks_in_slab, schedule);
     begin = end;
   }
+  mark_first(layout, schedule);
   return schedule;
 }
 

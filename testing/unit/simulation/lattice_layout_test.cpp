@@ -165,6 +165,28 @@ void expect_each_segment_is_owned_once(const LatticeLayout& layout, std::size_t 
   EXPECT_EQ(in_slabs + 1, schedule.chunks.size());
 }
 
+/// Forces wait in a row from the first that leaves some there, and are read only where there are any.
+void expect_one_is_first_to_leave_forces(const LatticeLayout& layout, std::size_t in_slab,
+                                         std::size_t chunks) {
+  const auto schedule = schedule_of(layout, in_slab, chunks);
+  std::vector<int> first(layout.segments + 2, 0);
+  std::vector<bool> has_forces(layout.segments + 2, false);
+  std::size_t wrong = 0;
+  for (const auto& [segment, flags] : schedule.entries)
+    for (std::size_t row = 0; row < 4; ++row) {
+      const bool writes = (flags & (2U << row)) != 0 && (flags & (64U << row)) != 0;
+      const bool is_first = (flags & (2048U << row)) != 0;
+      const std::uint32_t target = layout.rows[segment][row];
+      if (!writes) continue;
+      if (is_first == has_forces[target]) ++wrong;
+      has_forces[target] = true;
+      if (is_first) ++first[target];
+    }
+  for (const auto& [segment, flags] : schedule.entries)
+    if ((flags & 32U) != 0 && ((flags & 32768U) != 0) != (first[segment] == 1)) ++wrong;
+  EXPECT_EQ(wrong, 0U);
+}
+
 /// A chunk waits for itself and for whatever chunk has an end of one of its
 /// links, and that one for it; for the slab below also its forces of this pass.
 void expect_chunks_wait_for_their_links(const model::Tissue& tissue, const LatticeLayout& layout,
@@ -219,8 +241,11 @@ TEST(LatticeLayout, HoldsMutualNearestOfAJitteredLattice) {
   EXPECT_EQ(layout.slots.stored(), 9U);
   EXPECT_LT(static_cast<double>(layout.links_in_overflow), 0.002 * static_cast<double>(layout.links));
   expect_each_segment_is_owned_once(layout, 1000000, 2);
+  expect_one_is_first_to_leave_forces(layout, 1000000, 2);
   expect_each_segment_is_owned_once(layout, 90, 3);
+  expect_one_is_first_to_leave_forces(layout, 90, 3);
   expect_each_segment_is_owned_once(layout, 1, 64);
+  expect_one_is_first_to_leave_forces(layout, 1, 64);
   expect_chunks_wait_for_their_links(tissue, layout, 1000000, 2);
   expect_chunks_wait_for_their_links(tissue, layout, 90, 3);
   expect_chunks_wait_for_their_links(tissue, layout, 1, 1);
@@ -253,6 +278,7 @@ TEST(LatticeLayout, HoldsTheTissueOfAScan) {
                                                   .count()));
   expect_holds_every_link_once(tissue, layout);
   expect_each_segment_is_owned_once(layout, 1536, 2);
+  expect_one_is_first_to_leave_forces(layout, 1536, 2);
   const auto verdict = choose_layout(tissue);
   EXPECT_TRUE(verdict.lattice) << verdict.reason;
   EXPECT_GT(verdict.share_outside, 0.0);
@@ -273,6 +299,7 @@ TEST(LatticeLayout, HoldsSparseThinAndStridedTissue) {
     expect_holds_every_link_once(strided, layout);
     EXPECT_EQ(layout.steps_mm[0].norm(), 2.0);
     expect_each_segment_is_owned_once(build_lattice(sparse, lanes), 20, 2);
+    expect_one_is_first_to_leave_forces(build_lattice(sparse, lanes), 20, 2);
   }
 }
 
@@ -300,6 +327,7 @@ TEST(LatticeLayout, CutsThinTissueWhoseFirstRowsAreEmpty) {
     for (const std::size_t in_slab : {20U, 50U, 55U, 1000U})
       for (const std::size_t chunks : {1U, 2U, 7U}) {
         expect_each_segment_is_owned_once(layout, in_slab, chunks);
+        expect_one_is_first_to_leave_forces(layout, in_slab, chunks);
         expect_chunks_wait_for_their_links(tissue, layout, in_slab, chunks);
       }
   }
