@@ -149,10 +149,20 @@ void LatticeMarch::set_freedom(const compute::Buffer& freedom, bool all_free) {
   kernel_->set(all_free_argument, all_free ? 1U : 0U);
 }
 
-void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) {
+bool LatticeMarch::is_in_place(Integrator integrator) const noexcept {
+  // A chunk beside evaluates links at the seam once more, links of the overflow are from both ends.
+  return ends_beside(integrator) && schedule_.most_chunks <= 1 && layout_.overflow.empty();
+}
+
+int LatticeMarch::most_steps() const {
+  return most_passes / static_cast<int>(passes_of(parameters_.integrator).size());
+}
+
+bool LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) {
   const Parameters& p = parameters_;
-  const std::vector<Pass> forward = passes_of(p.integrator);
-  const bool alternates = ends_beside(p.integrator);
+  std::vector<Pass> forward = passes_of(p.integrator);
+  const bool alternates = ends_beside(p.integrator) && !is_in_place(p.integrator);
+  if (is_in_place(p.integrator)) forward.front().target = forward.front().source;
   const bool beats = p.beat_amplitude != 0.0;
   const int steps = beats ? count : alternates ? 2 : 1;
   // Without a beat the table is the same for every launch, and need not be written.
@@ -166,6 +176,7 @@ void LatticeMarch::run(int count, double step_s, double time_s, bool is_beside) 
           {pass, static_cast<float>(pass.h * step_s), times, plus, static_cast<float>(scale), gravity_});
     }
   run(table, static_cast<std::size_t>(count) * forward.size(), !beats && is_beside ? forward.size() : 0);
+  return is_beside != (alternates && count % 2 == 1);
 }
 
 void LatticeMarch::run(const std::vector<NumberedPass>& table, std::size_t count, std::size_t first) {

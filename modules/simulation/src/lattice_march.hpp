@@ -19,8 +19,8 @@ namespace palpate::simulation {
 /// processor's cores. Its arrays are the solver's.
 class LatticeMarch {
  public:
-  /// Steps that one launch takes at most: a stop is not asked for meanwhile.
-  static constexpr int most_steps = 64;
+  /// Passes that one launch takes at most: a stop is not asked for meanwhile.
+  static constexpr int most_passes = 256;
 
   LatticeMarch(const compute::Device& device, const LatticeLayout& layout);
   /// Segments behind the last that work-items may write nonsense to.
@@ -52,8 +52,14 @@ class LatticeMarch {
   void use(compute::KernelLibrary& library, const std::vector<std::string>& defines, const Arrays& arrays,
            const Numbers& numbers);
   void set_freedom(const compute::Buffer& freedom, bool all_free);
-  /// Queues `count` steps, at most most_steps.
-  void run(int count, double step_s, double time_s, bool is_beside);
+  /// Whether a step can write over the state that it reads: of one pass, and
+  /// with nobody who looks at a place again once its forces are whole.
+  bool is_in_place(Integrator integrator) const noexcept;
+  /// Steps of the scheme in use that one launch takes at most.
+  int most_steps() const;
+  /// Queues `count` steps, at most most_steps(); is_beside: the state is in s2.
+  /// Returns whether it is there afterwards.
+  bool run(int count, double step_s, double time_s, bool is_beside);
 
   /// A pass as the kernel reads it: its pass, and rest lengths and gravity as kernels/lattice.cl takes them.
   struct NumberedPass {

@@ -177,10 +177,10 @@ class LatticeSolver final : public DeviceSolver {
       DeviceSolver::run_steps(count, step_s, time_s);
       return;
     }
-    for (int done = 0; done < count; done += LatticeMarch::most_steps) {
-      const int now = std::min(count - done, LatticeMarch::most_steps);
-      march_->run(now, step_s, time_s + done * step_s, is_beside_);
-      if (ends_beside(parameters_in_use_.integrator) && now % 2 == 1) is_beside_ = !is_beside_;
+    const int at_once = march_->most_steps();
+    for (int done = 0; done < count; done += at_once) {
+      const int now = std::min(count - done, at_once);
+      is_beside_ = march_->run(now, step_s, time_s + done * step_s, is_beside_);
     }
   }
 
@@ -380,7 +380,7 @@ class LatticeSolver final : public DeviceSolver {
 
   LatticeMarch::Arrays march_arrays() const {
     LatticeMarch::Arrays arrays;
-    arrays.states = {&y_, &s2_, s3_ ? &s3_ : nullptr, s4_ ? &s4_ : nullptr};
+    arrays.states = {&y_, s2_ ? &s2_ : nullptr, s3_ ? &s3_ : nullptr, s4_ ? &s4_ : nullptr};
     arrays.waiting = &waiting_;
     arrays.rest = &rest_;
     arrays.rows = &rows_;
@@ -422,9 +422,9 @@ class LatticeSolver final : public DeviceSolver {
   }
 
   void use_march(const Parameters& p) {
-    need_states(p.integrator);
+    if (!march_->is_in_place(p.integrator)) need_states(p.integrator);
     LatticeMarch::Arrays arrays = march_arrays();
-    arrays.second = &s2_;
+    arrays.second = s2_ ? &s2_ : nullptr;
     arrays.third = s3_ ? &s3_ : nullptr;
     march_->use(library_, defines(), arrays, p, from_lps(p.gravity_mm_per_s2));
   }
