@@ -53,10 +53,26 @@ typedef ushort16 Stored;
 #elif LANES == 16
 #undef NEXT_LANES
 #undef PREVIOUS_LANES
+#if defined(__x86_64__) && defined(__AVX512F__)
+// LLVM takes a permutation instead, which wants a table in a register or from memory: 5 % slower.
+float16 aligned_by_1(const float16 low, const float16 high) {
+  float16 result;
+  __asm__("valignd $1, %1, %2, %0" : "=v"(result) : "v"(low), "v"(high));
+  return result;
+}
+float16 aligned_by_15(const float16 low, const float16 high) {
+  float16 result;
+  __asm__("valignd $15, %1, %2, %0" : "=v"(result) : "v"(low), "v"(high));
+  return result;
+}
+#define NEXT_LANES(own, next) aligned_by_1(own, next)
+#define PREVIOUS_LANES(own, previous) aligned_by_15(previous, own)
+#else
 #define NEXT_LANES(own, next) \
   __builtin_shufflevector(own, next, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16)
 #define PREVIOUS_LANES(own, previous) \
   __builtin_shufflevector(previous, own, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30)
+#endif
 #endif
 #endif
 #endif
