@@ -111,15 +111,8 @@ struct LatticeSchedule {
     std::uint32_t first_chunk = 0;
     std::uint32_t chunks = 0;
   };
-  /// The rows that a chunk owns: those of a band in each plane of a slab.
-  struct Band {
-    std::uint32_t slab = 0;
-    int y_begin = 0;
-    int y_end = 0;
-  };
   std::vector<std::array<std::uint32_t, 2>> entries;  ///< segment and flags
   std::vector<std::uint32_t> chunks;                  ///< where each begins, and the end
-  std::vector<Band> bands;                            ///< of the chunks
   std::vector<Slab> slabs;
   std::uint32_t most_chunks = 0;  ///< of a slab
 };
@@ -129,14 +122,24 @@ struct LatticeSchedule {
 LatticeSchedule schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab,
                             std::size_t chunks_in_slab);
 
-/// What kernels/lattice_march.cl lets a chunk wait for: itself and the chunks
-/// whose points its links reach. With the top bit they must have done the same pass, else
-/// the one before.
-struct LatticeNeeds {
-  static constexpr std::uint32_t same_pass = 0x80000000U;
-  std::vector<std::uint32_t> begins;  ///< of the chunks, and the end
+/// The lists that kernels/lattice_march.cl goes through: slabs of planes, cut into
+/// bands of rows where there are too few of them to keep all cores at work. A turn
+/// is passes_at_once passes over a band. In its nth pass a band is n times `rows_back`
+/// rows further back, as far as links reach: so a pass needs of what came before
+/// only its own band's and the band before's, and writes over nothing that the
+/// next band still reads.
+struct MarchSchedule {
+  static constexpr std::size_t passes_at_once = 2;
+  std::vector<std::array<std::uint32_t, 2>> entries;  ///< segment and flags
+  /// Where each chunk begins, and the end: [nth pass of a turn][band][slab], or
+  /// [slab] where there is one band.
   std::vector<std::uint32_t> chunks;
+  std::size_t slabs = 0;
+  std::size_t bands = 0;
+  std::size_t turns_at_once = 1;  ///< cores that find work
+  int rows_back = 1;
 };
-LatticeNeeds needs_of(const LatticeSchedule& schedule, const LatticeLayout& layout);
+/// Slabs are of about `segments_in_slab` segments, but of no fewer planes than a link spans.
+MarchSchedule march_schedule_of(const LatticeLayout& layout, std::size_t segments_in_slab, std::size_t cores);
 
 }  // namespace palpate::simulation

@@ -8,12 +8,9 @@ namespace palpate::simulation {
 namespace {
 
 // Numbers of kernels/lattice_march.cl.
-constexpr std::size_t passes_at_once = 4;
 constexpr std::size_t counters_apart = 16;
-constexpr std::size_t most_queues = 2;
-constexpr std::uint32_t least_stride = 2 * passes_at_once;
 
-// A slab is worth taking from some microseconds on.
+// A chunk is worth taking from some microseconds on.
 constexpr std::size_t lanes_in_slab = 800;
 
 enum Argument : unsigned {
@@ -29,16 +26,11 @@ enum Argument : unsigned {
   overflow_argument,
   freedom_argument,
   factors_argument,
-  slabs_argument,
-  needs_begins_argument,
-  needs_argument,
   progress_argument,
   passes_argument,
   slab_count_argument,
-  chunk_count_argument,
-  chunks_in_slab_argument,
+  band_count_argument,
   queues_argument,
-  stride_argument,
   pass_count_argument,
   first_pass_argument,
   period_argument,
@@ -59,30 +51,20 @@ float as_float(std::uint32_t bits) {
   return value;
 }
 
-/// Slabs that may be worked on at once, four passes on a diagonal.
-LatticeSchedule schedule_for(const LatticeLayout& layout, std::size_t cores) {
-  const std::size_t segments_in_slab = std::max<std::size_t>(1, lanes_in_slab / layout.lanes);
-  LatticeSchedule schedule = schedule_of(layout, segments_in_slab, 1);
-  const std::size_t at_once = std::clamp<std::size_t>(schedule.slabs.size() / 2, 1, passes_at_once);
-  if (at_once < cores) schedule = schedule_of(layout, segments_in_slab, (cores + at_once - 1) / at_once);
-  return schedule;
-}
-
 }  // namespace
 
 LatticeMarch::LatticeMarch(const compute::Device& device, const LatticeLayout& layout)
-    : layout_(layout), device_(device), schedule_(schedule_for(layout, units_of(device))) {
-  chunks_in_slab_ = std::max(1U, schedule_.most_chunks);
-  const LatticeNeeds needs = needs_of(schedule_, layout);
-  std::vector<std::array<std::uint32_t, 2>> slabs;
-  for (const auto& [first, count] : schedule_.slabs) slabs.push_back({first, count});
+    : layout_(layout),
+      device_(device),
+      schedule_(march_schedule_of(layout, std::max<std::size_t>(1, lanes_in_slab / layout.lanes),
+                                  units_of(device))),
+      queues_(static_cast<std::uint32_t>(schedule_.turns_at_once)) {
   entries_ = buffer_of(device, schedule_.entries);
   chunks_ = buffer_of(device, schedule_.chunks);
-  slabs_ = buffer_of(device, slabs);
-  needs_begins_ = buffer_of(device, needs.begins);
-  needs_ = buffer_of(device, needs.chunks);
+  schedule_.entries = {};
+  schedule_.chunks = {};
   progress_ = compute::Buffer::allocate(
-      device, (schedule_.bands.size() + 1 + most_queues) * counters_apart * sizeof(std::uint32_t));
+      device, (1 + queues_ + schedule_.bands * schedule_.slabs) * counters_apart * sizeof(std::uint32_t));
   progress_.fill_zero();
 }
 
@@ -92,8 +74,7 @@ std::uint32_t LatticeMarch::trash_segments(const compute::Device& device) {
 }
 
 std::size_t LatticeMarch::bytes() const noexcept {
-  return entries_.bytes() + chunks_.bytes() + slabs_.bytes() + needs_begins_.bytes() + needs_.bytes() +
-         progress_.bytes() + passes_.bytes();
+  return entries_.bytes() + chunks_.bytes() + progress_.bytes() + passes_.bytes();
 }
 
 void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::string>& defines,
@@ -114,16 +95,10 @@ void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::s
   kernel.set(overflow_begins_argument, *arrays.overflow_begins);
   kernel.set(overflow_argument, *arrays.overflow);
   kernel.set(factors_argument, *arrays.factors);
-  kernel.set(slabs_argument, slabs_);
-  kernel.set(needs_begins_argument, needs_begins_);
-  kernel.set(needs_argument, needs_);
   kernel.set(progress_argument, progress_);
-  const auto slab_count = static_cast<std::uint32_t>(schedule_.slabs.size());
-  kernel.set(slab_count_argument, slab_count);
-  kernel.set(chunk_count_argument, static_cast<std::uint32_t>(schedule_.bands.size()));
-  kernel.set(chunks_in_slab_argument, chunks_in_slab_);
-  kernel.set(queues_argument, 2U);
-  kernel.set(stride_argument, std::max(least_stride, slab_count));
+  kernel.set(slab_count_argument, static_cast<std::uint32_t>(schedule_.slabs));
+  kernel.set(band_count_argument, static_cast<std::uint32_t>(schedule_.bands));
+  kernel.set(queues_argument, queues_);
   kernel.set(first_trash_argument, static_cast<std::uint32_t>(layout_.segments + 2));
   kernel.set(stiffness_argument, static_cast<float>(numbers.stiffness));
   kernel.set(damping_argument, static_cast<float>(numbers.damping));
@@ -137,8 +112,6 @@ void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::s
 void LatticeMarch::use(compute::KernelLibrary& library, const std::vector<std::string>& defines,
                        const Arrays& arrays, const Parameters& p, const Eigen::Vector3d& gravity_mm_per_s2) {
   use(library, defines, arrays, Numbers{p.stiffness_per_s2, p.damping_per_s / 4.0, p.drag_per_s, p.mass});
-  // The stages of RK4 are not alike; in one queue they share the cores better.
-  if (p.integrator == Integrator::rk4) kernel_->set(queues_argument, 1U);
   parameters_ = p;
   gravity_ = float4(gravity_mm_per_s2);
 }
@@ -150,8 +123,8 @@ void LatticeMarch::set_freedom(const compute::Buffer& freedom, bool all_free) {
 }
 
 bool LatticeMarch::is_in_place(Integrator integrator) const noexcept {
-  // A chunk beside evaluates links at the seam once more, links of the overflow are from both ends.
-  return ends_beside(integrator) && schedule_.most_chunks <= 1 && layout_.overflow.empty();
+  // A band beside looks at places once more, and links of the overflow do so from both ends.
+  return ends_beside(integrator) && schedule_.bands <= 1 && layout_.overflow.empty();
 }
 
 int LatticeMarch::most_steps() const {

@@ -78,9 +78,9 @@ class LatticeMarch {
 
   const LatticeLayout& layout_;
   compute::Device device_;
-  LatticeSchedule schedule_;
-  std::uint32_t chunks_in_slab_ = 1;
-  compute::Buffer entries_, chunks_, slabs_, needs_begins_, needs_, progress_, passes_;
+  MarchSchedule schedule_;  ///< but for its lists, which are the device's
+  std::uint32_t queues_ = 1;
+  compute::Buffer entries_, chunks_, progress_, passes_;
   std::map<std::vector<std::string>, compute::Kernel> kernels_;  ///< by their defines
   compute::Kernel* kernel_ = nullptr;
   Parameters parameters_;

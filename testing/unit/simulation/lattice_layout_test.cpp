@@ -187,39 +187,6 @@ void expect_one_is_first_to_leave_forces(const LatticeLayout& layout, std::size_
   EXPECT_EQ(wrong, 0U);
 }
 
-/// A chunk waits for itself and for whatever chunk has an end of one of its
-/// links, and that one for it; for the slab below also its forces of this pass.
-void expect_chunks_wait_for_their_links(const model::Tissue& tissue, const LatticeLayout& layout,
-                                        std::size_t in_slab, std::size_t chunks) {
-  const auto schedule = schedule_of(layout, in_slab, chunks);
-  const auto needs = palpate::simulation::needs_of(schedule, layout);
-  constexpr std::uint32_t same_pass = palpate::simulation::LatticeNeeds::same_pass;
-  std::vector<std::uint32_t> owner(layout.segments + 2, 0);
-  std::vector<std::uint32_t> slab_of(schedule.bands.size());
-  for (std::uint32_t chunk = 0; chunk < schedule.bands.size(); ++chunk)
-    for (std::uint32_t n = schedule.chunks[chunk]; n < schedule.chunks[chunk + 1]; ++n)
-      if ((schedule.entries[n][1] & 32U) != 0) owner[schedule.entries[n][0]] = chunk;
-  for (std::uint32_t slab = 0; slab < schedule.slabs.size(); ++slab)
-    for (std::uint32_t n = 0; n < schedule.slabs[slab].chunks; ++n)
-      slab_of[schedule.slabs[slab].first_chunk + n] = slab;
-  const auto waits_for = [&](std::uint32_t chunk, std::uint32_t other) {
-    const std::uint32_t wanted = slab_of[other] < slab_of[chunk] ? other | same_pass : other;
-    const auto begin = needs.chunks.begin() + needs.begins[chunk];
-    return std::find(begin, needs.chunks.begin() + needs.begins[chunk + 1], wanted) !=
-           needs.chunks.begin() + needs.begins[chunk + 1];
-  };
-  std::size_t missing = 0;
-  for (std::uint32_t chunk = 0; chunk < schedule.bands.size(); ++chunk)
-    if (!waits_for(chunk, chunk)) ++missing;
-  for (const auto& [a, b] : tissue.links.pairs) {
-    const std::uint32_t one = owner[layout.lane_of_point[a] / layout.lanes];
-    const std::uint32_t other = owner[layout.lane_of_point[b] / layout.lanes];
-    if (!waits_for(one, other) || !waits_for(other, one)) ++missing;
-    if (slab_of[one] + 1 < slab_of[other] || slab_of[other] + 1 < slab_of[one]) ++missing;
-  }
-  EXPECT_EQ(missing, 0U);
-}
-
 }  // namespace
 
 TEST(LatticeLayout, HoldsEveryLinkOnceForEveryRuleAndWidth) {
@@ -246,9 +213,6 @@ TEST(LatticeLayout, HoldsMutualNearestOfAJitteredLattice) {
   expect_one_is_first_to_leave_forces(layout, 90, 3);
   expect_each_segment_is_owned_once(layout, 1, 64);
   expect_one_is_first_to_leave_forces(layout, 1, 64);
-  expect_chunks_wait_for_their_links(tissue, layout, 1000000, 2);
-  expect_chunks_wait_for_their_links(tissue, layout, 90, 3);
-  expect_chunks_wait_for_their_links(tissue, layout, 1, 1);
 }
 
 TEST(LatticeLayout, NeverDropsWhatLeavesTheStencil) {
@@ -257,7 +221,6 @@ TEST(LatticeLayout, NeverDropsWhatLeavesTheStencil) {
     const LatticeLayout layout = build_lattice(tissue, 8);
     expect_holds_every_link_once(tissue, layout);
     EXPECT_GT(layout.links_in_overflow, 0U);
-    expect_chunks_wait_for_their_links(tissue, layout, 30, 4);
     const auto verdict = choose_layout(tissue);
     EXPECT_FALSE(verdict.lattice) << "too many links are outside: " << verdict.share_outside;
     EXPECT_TRUE(verdict.possible);
@@ -328,7 +291,6 @@ TEST(LatticeLayout, CutsThinTissueWhoseFirstRowsAreEmpty) {
       for (const std::size_t chunks : {1U, 2U, 7U}) {
         expect_each_segment_is_owned_once(layout, in_slab, chunks);
         expect_one_is_first_to_leave_forces(layout, in_slab, chunks);
-        expect_chunks_wait_for_their_links(tissue, layout, in_slab, chunks);
       }
   }
 }
