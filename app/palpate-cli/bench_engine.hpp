@@ -19,7 +19,10 @@ struct EngineFigure {
   std::size_t links = 0;  ///< undirected
   std::string integrator;
   std::string layout;
-  int runs = 0;
+  int runs = 0;                     ///< of each, that count
+  int repeated_runs = 0;            ///< taken again, since the processors shared no cache meanwhile
+  int disturbed_runs = 0;           ///< of those that count, where that never ended
+  double core_round_trip_ns = 0.0;  ///< the longest in the runs that count; 0: unknown
   double ms_per_step = 0.0;
   double baseline_ms_per_step = 0.0;  ///< RK4, whatever the integrator here
   double speedup = 0.0;               ///< of a step where both are RK4, else of link evaluations a second

@@ -42,10 +42,20 @@ TEST(CliBench, SetsTheEngineBesideThePublishedLayout) {
   // Two ways to the same positions, ten steps of rounding at 13 mm: 1e-6 mm each
   // time, and rest lengths that may be kept in 16 bits (2e-5 of a link).
   EXPECT_LT(figure["max_difference_mm"].get<double>(), 1e-4);
-  for (const char* const key :
-       {"layout", "bytes_per_step", "bandwidth_fraction", "realtime_factor", "build_s",
-        "device_bytes_per_point", "baseline_bytes_per_point", "compared_with"})
+  for (const char* const key : {"runs", "repeated_runs", "disturbed_runs", "core_round_trip_ns", "layout",
+                                "bytes_per_step", "bandwidth_fraction", "realtime_factor", "build_s",
+                                "device_bytes_per_point", "baseline_bytes_per_point", "compared_with"})
     EXPECT_TRUE(figure.contains(key)) << key;
+}
+
+TEST(CliBench, SaysHowFarTheProcessorsWereApart) {
+  if (!opencl_present()) GTEST_SKIP() << "There is no OpenCL device.";
+  const auto figure = cli_json({"bench", "--quick", "--case", "lattice18-20k-verlet"})["cases"][0];
+  EXPECT_EQ(figure["repeated_runs"], 0) << "a quick bench waits for nothing";
+  if (figure["core_round_trip_ns"].is_null()) GTEST_SKIP() << "one processor, or no processor is the device";
+  const double ns = figure["core_round_trip_ns"].get<double>();
+  EXPECT_GT(ns, 5.0) << "faster than any cache";
+  EXPECT_EQ(figure["disturbed_runs"].get<int>() > 0, ns > 150.0);
 }
 
 TEST(CliBench, RefusesWhatItCannotMeasure) {
