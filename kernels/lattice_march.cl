@@ -91,9 +91,9 @@ __kernel void march(__global Lanes* y, __global Lanes* s2, __global Lanes* s3, _
                             (band == 0 || (own - beside)[above] > pass) &&
                             (which != 0 || band + 1 == band_count || (own + beside)[above] >= pass);
       if (!is_ready) {  // another queue's may be: its core is slow then, or not there
-        const bool is_patient = queue == home && ++looks <= PATIENCE;
-        if (!is_patient) queue = queue == home ? (queue + 1) % queues : home;
-        if (!is_patient) looks = 0;
+        if (queue == home && ++looks <= PATIENCE) continue;
+        looks = 0;
+        queue = (queue + 1) % queues;  // all of them in turn: any may have what the others wait for
         continue;
       }
     }
