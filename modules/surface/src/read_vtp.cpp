@@ -16,6 +16,7 @@
 #include <vtkXMLPolyDataReader.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <exception>
 #include <limits>
@@ -39,6 +40,47 @@ void check_counts(const MeshSource& source) {
     if (!count || *count < 0 || static_cast<std::uint64_t>(*count) / most_a_byte > source.bytes.size())
       source.damaged("it announces more points or polygons than the file can hold");
   }
+}
+
+/// VTK 9.1 crashes where an array of the field data has no type that it knows.
+void check_array_types(const MeshSource& source) {
+  constexpr std::array<std::string_view, 12> known{"Int8",    "UInt8",   "Int16",  "UInt16",
+                                                   "Int32",   "UInt32",  "Int64",  "UInt64",
+                                                   "Float32", "Float64", "String", "Bit"};
+  constexpr std::string_view key = "type";
+  constexpr std::string_view blanks = " \t\r\n";
+  const std::string_view text = source.bytes.substr(0, source.bytes.find("<AppendedData"));
+  for (auto at = text.find("Array"); at != std::string_view::npos; at = text.find("Array", at + 1)) {
+    const auto begin = text.find_last_of('<', at);
+    if (begin == std::string_view::npos || text.find_first_of(" \t\r\n>/", begin + 1) < at) continue;
+    const std::string_view element = text.substr(begin, text.find('>', at) - begin);
+    bool is_known = false;
+    for (auto word = element.find(key); word != std::string_view::npos; word = element.find(key, word + 1)) {
+      const auto value = element.find_first_not_of(blanks, word + key.size());
+      if (word == 0 || blanks.find(element[word - 1]) == std::string_view::npos) continue;
+      if (value == std::string_view::npos || element[value] != '=') continue;
+      const auto quote = element.find_first_of("\"'", value);
+      if (quote == std::string_view::npos) continue;
+      const auto end = element.find(element[quote], quote + 1);
+      const auto name = element.substr(quote + 1, end == std::string_view::npos ? 0 : end - quote - 1);
+      is_known = is_known || std::find(known.begin(), known.end(), name) != known.end();
+    }
+    if (!is_known) source.damaged("it holds an array without a type that is known");
+  }
+}
+
+/// Without it VTK reads the sizes of packed blocks as half as wide as they are, and believes them.
+void check_header_type(const MeshSource& source) {
+  const std::string_view text = source.bytes.substr(source.bytes.find("<VTKFile"));
+  const std::string_view root = text.substr(0, text.find('>'));
+  const auto holds = [&](const std::string& attribute, const std::string& value) {
+    return root.find(attribute + "=\"" + value) != std::string_view::npos ||
+           root.find(attribute + "='" + value) != std::string_view::npos;
+  };
+  const bool is_old = holds("version", "0.");
+  const bool has_width = holds("header_type", "UInt64") || holds("header_type", "UInt32");
+  if (root.find("compressor") != std::string_view::npos && !is_old && !has_width)
+    source.damaged("it does not say how wide the sizes of its packed blocks are");
 }
 
 /// Cells as lists of points, checked: VTK trusts what the file says of them.
@@ -109,6 +151,8 @@ MeshContents read_vtp(const MeshSource& source) {
       source.bytes.substr(source.bytes.size() - std::min<std::size_t>(64, source.bytes.size()));
   if (end.find("</VTKFile>") == std::string_view::npos) source.damaged("it ends before </VTKFile>");
   check_counts(source);
+  check_array_types(source);
+  check_header_type(source);
   MeshContents contents;
   contents.stated_space = stated_space_in(beginning.substr(0, beginning.find("<PolyData")));
   ErrorWatch errors;

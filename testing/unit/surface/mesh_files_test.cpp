@@ -265,6 +265,27 @@ TEST(MeshFiles, RefusesWithWords) {
 
 // Bytes changed, cut off and repeated at random: a mesh or a refusal, never a
 // crash, and nothing printed. The seed is fixed.
+TEST(MeshFiles, WhatEndsVtksReaderIsRefusedBefore) {
+  const TemporaryFolder folder;
+  save_mesh(folder / "whole.vtp", tetrahedron());
+  const std::string whole = bytes_of(folder / "whole.vtp");
+  for (const auto& [right, wrong] : {std::pair("<Array type=\"String\"", "<Array typ-=\"String\""),
+                                     std::pair("<Array type=\"String\"", "<Array type=\"Strung\""),
+                                     std::pair("header_type=\"UInt64\"", "header_tipe=\"UInt64\"")}) {
+    std::string bytes = whole;
+    const auto at = bytes.find(right);
+    ASSERT_NE(at, std::string::npos) << right;
+    bytes.replace(at, std::string(right).size(), wrong);
+    written(folder / "damaged.vtp", bytes);
+    try {
+      load_mesh(folder / "damaged.vtp");
+      ADD_FAILURE() << wrong;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::input) << wrong;
+    }
+  }
+}
+
 TEST(MeshFiles, DamagedFilesNeverCrashOrPrint) {
   const TemporaryFolder folder;
   TriangleMesh mesh = tetrahedron();
